@@ -76,15 +76,19 @@ def _limit_resources(limits: dict[str, Any]) -> None:
         import resource
     except ImportError:
         return
-    wanted = {"RLIMIT_CPU": limits["cpu_s"], "RLIMIT_FSIZE": limits["file_bytes"], "RLIMIT_NOFILE": limits["n_files"]}
-    wanted |= {"RLIMIT_CORE": 0} | ({} if limits["has_threads"] else {"RLIMIT_NPROC": 0})
+    limit_by_resource = {
+        "RLIMIT_CPU": limits["cpu_s"],
+        "RLIMIT_FSIZE": limits["file_bytes"],
+        "RLIMIT_NOFILE": limits["n_files"],
+    }
+    limit_by_resource |= {"RLIMIT_CORE": 0} | ({} if limits["has_threads"] else {"RLIMIT_NPROC": 0})
     if limits["data_bytes"] is not None:
-        wanted["RLIMIT_DATA"] = limits["data_bytes"]
+        limit_by_resource["RLIMIT_DATA"] = limits["data_bytes"]
     if limits["address_bytes"] is not None:
         with suppress(OSError, ValueError, IndexError):
             n_pages = int(Path("/proc/self/statm").read_text().split()[0])
-            wanted["RLIMIT_AS"] = n_pages * os.sysconf("SC_PAGE_SIZE") + limits["address_bytes"]
-    for name, value in wanted.items():
+            limit_by_resource["RLIMIT_AS"] = n_pages * os.sysconf("SC_PAGE_SIZE") + limits["address_bytes"]
+    for name, value in limit_by_resource.items():
         kind = getattr(resource, name, None)
         if kind is not None:
             with suppress(OSError, ValueError):

@@ -123,13 +123,13 @@ class InputFile:
             InputError: The file is shorter than it was, or can't be read.
         """
         start, stop, _ = place.indices(self._size)
-        first, held = self._held
-        if not first <= start <= stop <= first + len(held):
+        first, held_bytes = self._held
+        if not first <= start <= stop <= first + len(held_bytes):
             if stop - start >= MIN_READ_BYTES:
                 return memoryview(self._read(start, stop))
-            first, held = start, memoryview(self._read(start, min(start + MIN_READ_BYTES, self._size)))
-            self._held = first, held
-        return held[start - first : stop - first]
+            first, held_bytes = start, memoryview(self._read(start, min(start + MIN_READ_BYTES, self._size)))
+            self._held = first, held_bytes
+        return held_bytes[start - first : stop - first]
 
     @property
     def max_unpacked_bytes(self) -> int:
@@ -187,12 +187,12 @@ class InputFile:
             found = os.fstat(self.descriptor) if self._path is None else self._path.stat()
         except OSError as error:
             raise self._changed_file_error(f"it is gone ({error.strerror})") from error
-        now = _file_identity_size_and_time(found)
-        if now[:2] != self.state[:2]:
+        current_identity = _file_identity_size_and_time(found)
+        if current_identity[:2] != self.state[:2]:
             raise self._changed_file_error("another file has its name now")
         if found.st_size != self._size:
             raise self._changed_file_error(f"it had {self._size} bytes and has {found.st_size}")
-        if now != self.state:
+        if current_identity != self.state:
             raise self._changed_file_error("something was written into it")
         self._is_checked = True
 

@@ -194,8 +194,10 @@ class _Deferred:
             self._is_compiled = True
             type.__delattr__(owner, "__signature__")
             for name in ("__dataclass_fields__", "__dataclass_params__", *_COPIED):
-                now = vars(owner).get(name, _MISSING)
-                if name in found and (now is _MISSING or now is self._stand_ins.get(name, _MISSING)):
+                current_method = vars(owner).get(name, _MISSING)
+                if name in found and (
+                    current_method is _MISSING or current_method is self._stand_ins.get(name, _MISSING)
+                ):
                     setattr(owner, name, found[name])
 
     def describe_fields(self) -> dict[str, Any]:
@@ -270,8 +272,8 @@ def _is_default_stated(value: object) -> bool:
 def _names_of_merely_stored_fields(kind: type) -> tuple[str, ...]:
     """Return the names of the fields of a class whose constructor does nothing but store them; else nothing."""
     deferred = _DEFERRED.get(kind)
-    written = {name for base in kind.__mro__ for name in _class_body_without_added_methods(base)}
-    if deferred is None or {"__init__", "__new__", "__post_init__"} & written:
+    defined_names = {name for base in kind.__mro__ for name in _class_body_without_added_methods(base)}
+    if deferred is None or {"__init__", "__new__", "__post_init__"} & defined_names:
         return ()
     return tuple(name for name, *_ in deferred.plain_fields() or ())
 

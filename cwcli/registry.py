@@ -271,7 +271,7 @@ def _find_installed_plugins(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
     The files are parsed here, because importlib.metadata would take ten times as long at each start.
     """
     out: dict[str, list[Plugin]] = {}
-    seen: set[str] = set()
+    seen_names: set[str] = set()
     for folder in dict.fromkeys(path):
         try:
             names = sorted(os.listdir(folder or "."))  # noqa: PTH208 - a path for each name would cost more than the rest
@@ -282,8 +282,8 @@ def _find_installed_plugins(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
                 continue
             package, _, version = name.rpartition(".")[0].partition("-")
             known = package.replace("_", "-").replace(".", "-").lower()
-            if known not in seen:
-                seen.add(known)
+            if known not in seen_names:
+                seen_names.add(known)
                 for group, plugin in _read_entry_points(
                     f"{folder or '.'}/{name}/entry_points.txt", f"{package} {version}"
                 ):

@@ -30,16 +30,16 @@ def make_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tupl
         local_map: Where the map lies on the earth; None leaves the fixes unknown.
     """
     published = make_vehicle_state_channel(EGO_STATE, states, local_map)
-    placed = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, TRANSFORM_RATE_HZ)
+    first_rows = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, TRANSFORM_RATE_HZ)
     shown = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, FIX_AND_POSE_RATE_HZ)
     state = np.column_stack([np.asarray(published.fields[name]) for name in STATE_NAMES])
     transform: dict[str, Field] = {
-        "timestamp": states.stamp_ns[placed],
-        "parent_frame_id": repeat_string(MAP_FRAME, len(placed)),
-        "child_frame_id": repeat_string(BODY_FRAME, len(placed)),
-        **_map_position_and_quaternion_fields("translation", "rotation", state[placed]),
+        "timestamp": states.stamp_ns[first_rows],
+        "parent_frame_id": repeat_string(MAP_FRAME, len(first_rows)),
+        "child_frame_id": repeat_string(BODY_FRAME, len(first_rows)),
+        **_map_position_and_quaternion_fields("translation", "rotation", state[first_rows]),
     }
-    transforms = make_output_channel(TRANSFORMS, states.log_time_ns[placed], transform)
+    transforms = make_output_channel(TRANSFORMS, states.log_time_ns[first_rows], transform)
     states, state, n = states.select_rows(shown), state[shown], len(shown)
     position_covariance = np.zeros((n, 9))
     position_covariance[:, [0, 1, 4]] = round_plane_covariance(

@@ -59,8 +59,8 @@ class Lenses:
     def camera_before_rectification(self, row: int) -> Camera | None:
         """The camera of the original image of a frame, or None if the frame was not rectified before the search."""
         fx, fy, cx, cy = self._intrinsics[row].tolist()
-        given = (*self._intrinsics[row], *self._size[row])
-        if not (np.isfinite(given).all() and fx > 0.0 and fy > 0.0 and (self._size[row] > 0.0).all()):
+        intrinsics_and_size = (*self._intrinsics[row], *self._size[row])
+        if not (np.isfinite(intrinsics_and_size).all() and fx > 0.0 and fy > 0.0 and (self._size[row] > 0.0).all()):
             return None
         width_px, height_px = (int(side) for side in self._size[row])
         roll_rad = float(np.nan_to_num(self._roll_rad[row]))

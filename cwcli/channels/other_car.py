@@ -62,17 +62,17 @@ def move_states_to_our_map_and_clock(
         stamp_shift_ns, log_shift_ns: Added to the stamps, and to the log times.
     """
     x_m, y_m, heading_rad = states.state[:, 0], states.state[:, 1], states.state[:, HEADING]
-    placed = np.column_stack(_convert_positions_between_maps_m(theirs, ours, x_m, y_m))
+    xy_in_our_map_m = np.column_stack(_convert_positions_between_maps_m(theirs, ours, x_m, y_m))
     ahead = _convert_positions_between_maps_m(
         theirs,
         ours,
         x_m + STEP_TO_CONVERT_HEADING_M * np.cos(heading_rad),
         y_m + STEP_TO_CONVERT_HEADING_M * np.sin(heading_rad),
     )
-    turned_rad = np.arctan2(ahead[1] - placed[:, 1], ahead[0] - placed[:, 0])
+    turned_rad = np.arctan2(ahead[1] - xy_in_our_map_m[:, 1], ahead[0] - xy_in_our_map_m[:, 0])
     by_rad = np.remainder(turned_rad - heading_rad + np.pi, 2.0 * np.pi) - np.pi
     state = states.state.copy()
-    state[:, :2] = placed
+    state[:, :2] = xy_in_our_map_m
     state[:, HEADING] = heading_rad + by_rad
     n = len(states)
     return VehicleStates(

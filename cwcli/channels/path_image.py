@@ -105,14 +105,14 @@ class PathFrames:
 
     def path_in_pixels(self, row: int) -> PathLines:
         """The path of a frame in pixels; empty where there is no path."""
-        paths, seen = self.paths, self.viewpoint
+        paths, viewpoint = self.paths, self.viewpoint
         if not np.isfinite(paths.x_m[row]).all():
             return EMPTY_PATH_LINES
         path = BodyPath(
             paths.x_m[row], paths.y_m[row], paths.heading_rad[row], np.nan_to_num(paths.position_covariance_m2[row])
         )
         return project_path_into_image(
-            path, self.camera_of_frame(row), width_m=seen.width_m, camera_forward_m=seen.forward_m
+            path, self.camera_of_frame(row), width_m=viewpoint.width_m, camera_forward_m=viewpoint.forward_m
         )
 
     def lane_boundaries_in_pixels(self, row: int) -> list[FloatArray]:

@@ -255,17 +255,17 @@ def iter_field_kinds(channel: ChannelWithDefinition) -> Iterator[tuple[str, Fiel
     def iter_paths(name: str, path: str, depth: int) -> Iterator[tuple[str, FieldKind]]:
         nonlocal count
         for field in find_message_fields(definitions, name):
-            here = f"{path}{field.name}" + ("[0]" if field.is_sequence or field.length else "")
+            field_path = f"{path}{field.name}" + ("[0]" if field.is_sequence or field.length else "")
             if _is_numeric_message_field(field) or field.type == "bool":
                 count += 1
-                yield here, "truth value" if field.type == "bool" else "number"
+                yield field_path, "truth value" if field.type == "bool" else "number"
             elif (
                 "/" in field.type
                 and depth < MAX_NESTING_SEARCHED_FOR_NUMBERS
                 and count < MAX_FIELDS_SEARCHED_FOR_NUMBERS
-                and not here.endswith("]")
+                and not field_path.endswith("]")
             ):
-                yield from iter_paths(field.type, f"{here}.", depth + 1)
+                yield from iter_paths(field.type, f"{field_path}.", depth + 1)
 
     try:
         yield from iter_paths(top, "", 0)

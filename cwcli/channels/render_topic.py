@@ -38,7 +38,7 @@ def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
     check_topic_name(topic)
     if topic == camera_topic:
         raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
-    held = next((each.schema_name for each in log.channels if each.topic == topic), "")
-    held = schema_name_by_published_topic().get(topic, held)
-    if held not in ("", RENDERED_SCHEMA):
-        raise UsageError(f"--render {topic} is the topic of {held}", hint="name another one")
+    schema_of_topic = next((each.schema_name for each in log.channels if each.topic == topic), "")
+    schema_of_topic = schema_name_by_published_topic().get(topic, schema_of_topic)
+    if schema_of_topic not in ("", RENDERED_SCHEMA):
+        raise UsageError(f"--render {topic} is the topic of {schema_of_topic}", hint="name another one")

@@ -190,14 +190,14 @@ def read_targets_as_states(columns: Columns) -> VehicleStates:
             hint="run `cwcli estimate` first, then `cwcli track --replace` on its output",
         )
     stamp_ns, _ = read_integers(columns, "stamp_ns", required=True)
-    given = np.stack(
+    states_by_row = np.stack(
         [read_numbers(columns, name, required=True) for name in ("x_m", "y_m", "vx_mps", "vy_mps")], axis=1
     )
     state, full = np.zeros((n, N_STATES)), np.zeros((n, N_STATES, N_STATES))
     for _, unordered in iter_rows_by_id(ids):
         rows = unordered[np.argsort(stamp_ns[unordered], kind="stable")]
         state[rows], full[rows] = vehicle_states_and_covariances_of_target(
-            given[rows], covariance[rows], looks_ahead=columns.topic != TARGETS_ONLINE.topic
+            states_by_row[rows], covariance[rows], looks_ahead=columns.topic != TARGETS_ONLINE.topic
         )
     for at, name, sigma_name in (
         (ACCEL, "accel_mps2", "accel_sigma_mps2"),

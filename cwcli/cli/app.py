@@ -168,14 +168,14 @@ def _usage_error_from_typer(error: typer.TyperException, arguments: list[str]) -
 
 def _add_origin_of_value(error: UsageError, arguments: list[str]) -> UsageError:
     """Add to an error the environment variable or configuration key that set the option it names."""
-    given = {argument.partition("=")[0] for argument in arguments}
+    names_on_command_line = {argument.partition("=")[0] for argument in arguments}
     command = arguments[0].replace("-", "_") if arguments else ""
     for option in re.findall(r"--[a-z][a-z0-9-]*", error.what):
         name = option[2:].replace("-", "_")
         variables = [f"{ENVIRONMENT_PREFIX}_{each}".upper() for each in (name, f"{command}_{name}")]
         origin = next((f"the environment variable {each}" for each in variables if os.environ.get(each)), None)
         origin = origin or origins_of_configured_options().get(option)
-        if origin is not None and option not in given:
+        if origin is not None and option not in names_on_command_line:
             hint = f"{option} comes from {origin}" + (f"; {error.hint}" if error.hint else "")
             return UsageError(error.what, where=error.where, found=error.found, hint=hint)
     return error

@@ -84,10 +84,10 @@ def replace_stdout_path_by_dash(target: str | None) -> str | None:
     if target is None or target == "-":
         return target
     try:
-        there, here = os.stat(target), os.fstat(1)  # noqa: PTH116 - compared with an open file
+        target_status, stdout_status = os.stat(target), os.fstat(1)  # noqa: PTH116 - compared with an open file
     except (OSError, ValueError):  # opening the file reports a zero byte in its name
         return target
-    is_same = not stat.S_ISREG(there.st_mode) and os.path.samestat(there, here)
+    is_same = not stat.S_ISREG(target_status.st_mode) and os.path.samestat(target_status, stdout_status)
     return "-" if is_same else target
 
 

@@ -80,9 +80,9 @@ def annotations_of_gates(run: RunMetrics, results: Sequence[GateResult]) -> list
 
 def annotations_of_changes(failed: Sequence[str]) -> list[str]:
     """Make workflow commands for the findings that `--fail-on` asks for; the last one holds those that are too many."""
-    alone = failed if len(failed) <= MAX_ANNOTATIONS else failed[: MAX_ANNOTATIONS - 1]
-    together = ["\n".join(failed[len(alone) :])] if len(failed) > len(alone) else []
-    return [format_error_command(line, title="cwcli compare") for line in (*alone, *together)]
+    listed_alone = failed if len(failed) <= MAX_ANNOTATIONS else failed[: MAX_ANNOTATIONS - 1]
+    together = ["\n".join(failed[len(listed_alone) :])] if len(failed) > len(listed_alone) else []
+    return [format_error_command(line, title="cwcli compare") for line in (*listed_alone, *together)]
 
 
 def path_in_repository_or_empty(name: str) -> str:

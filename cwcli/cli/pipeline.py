@@ -116,9 +116,9 @@ def run_and_write(job: Job) -> JobOutcome:
             digest = None if job.talk.quiet and not job.talk.json else _build_digest(job, result.annotated, outcome)
             following = "" if is_silent else _following_stage_or_empty(job.command, result.annotated)
             with part_of_work(share, 1.0, "items"):
-                written = write_outputs(result, _output_files(job, outcome), progress.begin_step)
-    outcome.written.extend(written.names)
-    outcome.left_profile = written.dropped_profile
+                file_names = write_outputs(result, _output_files(job, outcome), progress.begin_step)
+    outcome.written.extend(file_names.names)
+    outcome.left_profile = file_names.dropped_profile
     is_imported = source is not job.source
     notes = (f"imported; `cwcli import {job.source} --preview` shows how it was read",) if is_imported else ()
     return JobOutcome(outcome, digest, following, notes)

@@ -142,9 +142,9 @@ def _encounter_of_pair(pair: Pair, vehicle: str, place: LogTrial, start_ns: int)
     """The motion of a pair where both are known; None where that is less than a second."""
     time_s = (pair.stamp_ns - start_ns) / NS_PER_S
     states = np.concatenate([pair.other_states, pair.other_derivatives, np.zeros((len(time_s), 1))], axis=1)
-    wanted = np.isfinite(states).all(axis=1) & np.isfinite(pair.host.state).all(axis=1)
-    wanted &= (time_s >= (place.start_s or 0.0)) & (time_s < (math.inf if place.end_s is None else place.end_s))
-    rows = np.flatnonzero(wanted)
+    is_in_window = np.isfinite(states).all(axis=1) & np.isfinite(pair.host.state).all(axis=1)
+    is_in_window &= (time_s >= (place.start_s or 0.0)) & (time_s < (math.inf if place.end_s is None else place.end_s))
+    rows = np.flatnonzero(is_in_window)
     if len(rows) < 2 or time_s[rows[-1]] - time_s[rows[0]] < 1.0:
         return None
     host, other = pair.host.state[rows].copy(), states[rows]

@@ -225,8 +225,8 @@ def _run_lane_trial(
     for seed in seeds:
         driven = simulate_lane_trial(trial.given, seed)
         warnings = warn_of_lane_departure(driven) if warner is None else warner(SimulatedTrial(None, driven.drift))
-        judged = DrivenTrial(driven.drift, warnings, trial.demands, policy)
-        found.append(Repetition(str(seed), judge_driven_trial(trial, judged, where)))
+        driven_trial = DrivenTrial(driven.drift, warnings, trial.demands, policy)
+        found.append(Repetition(str(seed), judge_driven_trial(trial, driven_trial, where)))
     return tuple(found)
 
 

@@ -54,9 +54,9 @@ def advance_car(
     pressure = state.pressure_mpa + (pressure_mpa - state.pressure_mpa) * -np.expm1(-dt_s / car.brake_lag_s)
     opening = state.throttle + (throttle - state.throttle) * -np.expm1(-dt_s / car.throttle_lag_s)
     limit = car.friction * STANDARD_GRAVITY_MPS2
-    wanted = np.clip(car.throttle_gain_mps2 * opening - car.brake_gain_mps2_per_mpa * pressure, -limit, limit)
+    accel_mps2 = np.clip(car.throttle_gain_mps2 * opening - car.brake_gain_mps2_per_mpa * pressure, -limit, limit)
     step = car.max_jerk_mps3 * dt_s
-    accel = state.accel_mps2 + np.clip(wanted - state.accel_mps2, -step, step)
+    accel = state.accel_mps2 + np.clip(accel_mps2 - state.accel_mps2, -step, step)
     stop_time_s = np.where(accel < 0.0, state.speed_mps / np.where(accel < 0.0, -accel, 1.0), np.inf)
     moving_s = np.minimum(dt_s, stop_time_s)
     speed = np.maximum(state.speed_mps + accel * moving_s, 0.0)

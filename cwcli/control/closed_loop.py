@@ -276,10 +276,10 @@ class _RecordedPath:
     def __init__(self, motion: RecordedMotion) -> None:
         steps = 0.5 * (motion.speed_mps[1:] + motion.speed_mps[:-1]) * np.diff(motion.time_s)
         self.travelled_m = np.concatenate(([0.0], np.cumsum(steps)))
-        moved = np.concatenate(([True], steps > 0.0))
-        self._s = self.travelled_m[moved]
-        self._x, self._y = motion.x_m[moved], motion.y_m[moved]
-        self._heading = motion.heading_rad[moved]
+        has_moved = np.concatenate(([True], steps > 0.0))
+        self._s = self.travelled_m[has_moved]
+        self._x, self._y = motion.x_m[has_moved], motion.y_m[has_moved]
+        self._heading = motion.heading_rad[has_moved]
 
     def x_y_and_heading_at_distance(self, travelled_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y (m) and heading (rad) at the distances travelled (n,), shape (n,) each."""

@@ -128,13 +128,17 @@ def _fuzzy_braking_mps2(seen: DrivingSituation) -> FloatArray:
         lateral_s = seen.lateral_gap_m / seen.approach_mps
         passing_s = (seen.gap_m + 2.0 * seen.reach_m) / seen.closing_speed_mps
     goes_by = is_beside_lane & (~(seen.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
-    now = fuzzy_safety.critical_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
+    critical_unsafety = fuzzy_safety.critical_unsafety_of_gap(
+        seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2
+    )
     ahead = fuzzy_safety.proactive_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
     hard = fuzzy_safety.HARDEST_BRAKING_MPS2 - fuzzy_safety.COMFORTABLE_BRAKING_MPS2
-    wanted = np.where(
-        now > 0.0, fuzzy_safety.COMFORTABLE_BRAKING_MPS2 + now * hard, ahead * fuzzy_safety.COMFORTABLE_BRAKING_MPS2
+    braking_mps2 = np.where(
+        critical_unsafety > 0.0,
+        fuzzy_safety.COMFORTABLE_BRAKING_MPS2 + critical_unsafety * hard,
+        ahead * fuzzy_safety.COMFORTABLE_BRAKING_MPS2,
     )
-    return np.where(seen.is_behind | goes_by, 0.0, wanted)
+    return np.where(seen.is_behind | goes_by, 0.0, braking_mps2)
 
 
 HUMAN_AT_CUT_IN = DriverModel(
@@ -223,13 +227,13 @@ def simulate_driver_cases(
     for step in range(n_steps):
         own = ego.pose_at(way)
         other, minded, other_size = other_at(step)
-        seen = _driving_situation(own, speed, (speed - before) / step_s, other, ego.size, other_size)
+        situation = _driving_situation(own, speed, (speed - before) / step_s, other, ego.size, other_size)
         if driver.is_no_longer_judged is not None:
-            over |= minded & driver.is_no_longer_judged(seen)
-        wanted = np.where(minded, driver.requested_deceleration_mps2(seen), 0.0)
-        acts, waits = wanted > 0.0, left_s > 0.0
+            over |= minded & driver.is_no_longer_judged(situation)
+        requested_mps2 = np.where(minded, driver.requested_deceleration_mps2(situation), 0.0)
+        acts, waits = requested_mps2 > 0.0, left_s > 0.0
         braked_s = np.where(acts & ~waits & np.isnan(braked_s), step * step_s, braked_s)
-        grown = np.minimum(decel + driver.jerk_mps3 * step_s, wanted)
+        grown = np.minimum(decel + driver.jerk_mps3 * step_s, requested_mps2)
         decel = np.where(acts, np.where(waits, driver.release_mps2, grown), decel)
         left_s = np.where(acts & waits, left_s - step_s, left_s)
         margin = outline_separation_m(
@@ -238,7 +242,7 @@ def simulate_driver_cases(
         least = np.where(over, least, np.minimum(least, margin))
         hits = (margin < 0.0) & minded & np.isnan(crash_s) & ~over
         crash_s = np.where(hits, step * step_s, crash_s)
-        impact = np.where(hits, np.hypot(seen.closing_speed_mps, seen.approach_mps), impact)
+        impact = np.where(hits, np.hypot(situation.closing_speed_mps, situation.approach_mps), impact)
         before = speed
         speed = np.where(acts, np.maximum(speed - decel * step_s, 0.0), speed)
         way = way + speed * step_s

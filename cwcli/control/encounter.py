@@ -149,12 +149,12 @@ def contiguous_rows_around(stamp_ns: Int64Array, at_ns: int) -> slice:
     """
     max_gap_ns = MAX_TRACK_GAP_BRIDGED_BY_REPLAY_S * NS_PER_S
     # A sender whose clock is ahead may be known before its stamp.
-    here = max(int(np.searchsorted(stamp_ns, at_ns, side="right")) - 1, 0)
-    if stamp_ns[here] - at_ns > max_gap_ns:
+    row_at_time = max(int(np.searchsorted(stamp_ns, at_ns, side="right")) - 1, 0)
+    if stamp_ns[row_at_time] - at_ns > max_gap_ns:
         raise ValueError("the track begins after the warning")
     breaks = np.flatnonzero(np.diff(stamp_ns) > max_gap_ns)
-    first = int(breaks[breaks < here][-1]) + 1 if (breaks < here).any() else 0
-    last = int(breaks[breaks >= here][0]) if (breaks >= here).any() else len(stamp_ns) - 1
+    first = int(breaks[breaks < row_at_time][-1]) + 1 if (breaks < row_at_time).any() else 0
+    last = int(breaks[breaks >= row_at_time][0]) if (breaks >= row_at_time).any() else len(stamp_ns) - 1
     return slice(first, last + 1)
 
 
@@ -238,9 +238,9 @@ def _is_other_behind_host(outcome: ReplayedRuns, other: RecordedMotion, here: in
     x, y = outcome.x_m[0, here], outcome.y_m[0, here]
     heading = float(outcome.heading_rad[0, here])
     if outcome.speed_mps[0, here] < MIN_HOST_SPEED_FOR_HEADING_MPS:
-        moved = np.hypot(outcome.x_m[0, here:] - x, outcome.y_m[0, here:] - y) > MIN_TRAVEL_FOR_HOST_DIRECTION_M
-        if not moved.any():
+        has_moved_far = np.hypot(outcome.x_m[0, here:] - x, outcome.y_m[0, here:] - y) > MIN_TRAVEL_FOR_HOST_DIRECTION_M
+        if not has_moved_far.any():
             return False
-        there = here + int(moved.argmax())
-        heading = float(np.arctan2(outcome.y_m[0, there] - y, outcome.x_m[0, there] - x))
+        row_after_move = here + int(has_moved_far.argmax())
+        heading = float(np.arctan2(outcome.y_m[0, row_after_move] - y, outcome.x_m[0, row_after_move] - x))
     return bool((other.x_m[here] - x) * np.cos(heading) + (other.y_m[here] - y) * np.sin(heading) < 0.0)

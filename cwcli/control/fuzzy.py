@@ -76,9 +76,9 @@ class MamdaniInference:
         output: LinguisticVariable,
         rules: Mapping[tuple[str, str], str],
     ) -> None:
-        wanted = {(a, b) for a in first.sets for b in second.sets}
-        if set(rules) != wanted or not set(rules.values()) <= set(output.sets):
-            raise ValueError(f"the rule table does not match the terms: {sorted(wanted ^ set(rules))}")
+        set_pairs = {(a, b) for a in first.sets for b in second.sets}
+        if set(rules) != set_pairs or not set(rules.values()) <= set(output.sets):
+            raise ValueError(f"the rule table does not match the terms: {sorted(set_pairs ^ set(rules))}")
         self._first = first
         self._second = second
         self._terms = tuple(output.sets)

@@ -142,11 +142,13 @@ def _recorded_pose_function(
     time, state = other
 
     def poses_at(step: int) -> tuple[CasePoses, BoolArray, Size]:
-        now = starts + step * SIMULATION_STEP_S
-        x, y, speed, heading = (np.interp(now, time, state[:, column]) for column in range(4))
-        beyond = np.maximum(now - time[-1], 0.0) * speed
-        pose = CasePoses(x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading, speed, np.zeros(len(now)))
-        return pose, np.ones(len(now), dtype=bool), size
+        time_ns = starts + step * SIMULATION_STEP_S
+        x, y, speed, heading = (np.interp(time_ns, time, state[:, column]) for column in range(4))
+        beyond = np.maximum(time_ns - time[-1], 0.0) * speed
+        pose = CasePoses(
+            x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading, speed, np.zeros(len(time_ns))
+        )
+        return pose, np.ones(len(time_ns), dtype=bool), size
 
     return poses_at
 

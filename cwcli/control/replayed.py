@@ -161,8 +161,8 @@ def control_series_table(replayed: Sequence[PublishedReplay]) -> Table:
             parts.append(labels | one.time_series_columns(policy, rows))
     columns: dict[str, Any] = {}
     for name, kind in _SERIES_COLUMN_TYPES.items():
-        joined = np.concatenate([part[name] for part in parts]) if parts else np.zeros(0)
-        columns[name] = [str(value) for value in joined] if kind is str else joined.astype(kind)
+        series = np.concatenate([part[name] for part in parts]) if parts else np.zeros(0)
+        columns[name] = [str(value) for value in series] if kind is str else series.astype(kind)
     return Table("control_series", columns, docs=_SERIES_COLUMN_DOCS)
 
 

@@ -171,10 +171,10 @@ def read_drive(log: Log, *, with_figures: bool = True) -> Drive:
         DataError: A channel of cwcli's was written by another version.
     """
     records = read_run_records(log)
-    there = {channel.topic for channel in log.channels}
+    topics_of_log = {channel.topic for channel in log.channels}
     fields_by_topic = SHOWN_FIELDS_BY_TOPIC if with_figures else STORY_FIELDS_BY_TOPIC
-    wanted = {topic: fields for topic, fields in fields_by_topic.items() if topic in there}
-    columns = log.load_topics(wanted) if wanted else {}
+    fields_in_log = {topic: fields for topic, fields in fields_by_topic.items() if topic in topics_of_log}
+    columns = log.load_topics(fields_in_log) if fields_in_log else {}
     warn, is_of_targets = find_collision_warning_record_and_is_of_targets(records)
     ego = None
     if EGO_STATE.topic in columns:

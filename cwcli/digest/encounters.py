@@ -188,9 +188,9 @@ def _build_encounter(
         conflict = conflicts[id(other)][verdict.conflict_index] if verdict.conflict_index >= 0 else None
         gap = _least_gap_m(pair, alert.raised_ns, alert.raised_ns + round(drive.warning_config.max_lead_s * NS_PER_S))
         direction = _direction_phrase_or_empty(host, other, alert.raised_ns, drive.warning_config.max_gap_s)
-    alone = _encounter_from_channel(drive, alert)
+    from_channel = _encounter_from_channel(drive, alert)
     return replace(
-        alone, other=other, pair=pair, verdict=verdict, conflict=conflict, least_gap_m=gap, direction=direction
+        from_channel, other=other, pair=pair, verdict=verdict, conflict=conflict, least_gap_m=gap, direction=direction
     )
 
 
@@ -233,15 +233,15 @@ def _direction_phrase_or_empty(host: ActualTrack, other: OtherTrack, at_ns: int,
     if not (np.isfinite(own).all() and np.isfinite(theirs).all()):
         return ""
     bearing = wrap_angle(math.atan2(theirs[1] - own[1], theirs[0] - own[0]) - float(own[3]))
-    turned = wrap_angle(float(theirs[3] - own[3]))
+    heading_difference_rad = wrap_angle(float(theirs[3] - own[3]))
     side = "left" if bearing > 0.0 else "right"
-    if abs(turned) <= SAME_DIRECTION_RAD:
+    if abs(heading_difference_rad) <= SAME_DIRECTION_RAD:
         if abs(bearing) < AHEAD_BEARING_RAD:
             return "ahead in the same direction"
         return "coming from behind" if abs(bearing) > math.pi - AHEAD_BEARING_RAD else f"beside it on the {side}"
-    if abs(turned) >= math.pi - SAME_DIRECTION_RAD:
+    if abs(heading_difference_rad) >= math.pi - SAME_DIRECTION_RAD:
         return "coming towards it"
-    return f"coming from the {'right' if turned > 0.0 else 'left'}"
+    return f"coming from the {'right' if heading_difference_rad > 0.0 else 'left'}"
 
 
 def rows_of_moving_pair_and_if_always_standing(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:

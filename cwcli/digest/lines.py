@@ -71,14 +71,14 @@ def format_blocks(blocks: Sequence[Block], *, width: int = MAX_WIDTH, max_lines:
     shown = [block for block in blocks if block.sentences]
     wrapped = [_wrap_sentences(block.sentences, width - LABEL_WIDTH) for block in shown]
     needed = [lines[-1] if lines else 0 for lines in ([count for _, count in each] for each in wrapped)]
-    given = [min(need, block.least_lines) for need, block in zip(needed, shown, strict=True)]
-    spare = max_lines - sum(given)
+    lines_by_block = [min(need, block.least_lines) for need, block in zip(needed, shown, strict=True)]
+    spare = max_lines - sum(lines_by_block)
     for k, need in enumerate(needed):
-        more = max(0, min(need - given[k], spare))
-        given[k] += more
+        more = max(0, min(need - lines_by_block[k], spare))
+        lines_by_block[k] += more
         spare -= more
     out: list[str] = []
-    for block, most, sentences in zip(shown, given, wrapped, strict=True):
+    for block, most, sentences in zip(shown, lines_by_block, wrapped, strict=True):
         if not block.least_lines and most < sentences[0][1]:
             continue
         lines = _fit_sentences(block.sentences, width - LABEL_WIDTH, most)

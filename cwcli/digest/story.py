@@ -162,13 +162,13 @@ def encounter_sentence(drive: Drive, encounter: Encounter) -> str:
     verdict = encounter.verdict
     if verdict is None or verdict.closest_ns < 0 or not math.isfinite(verdict.closest_m):
         return f"{text}. How near they came is not known."
-    apart = f"{verdict.closest_m:.1f} m between their centres"
+    distance_text = f"{verdict.closest_m:.1f} m between their centres"
     at = _seconds_since_start_text(drive, verdict.closest_ns)
     if encounter.least_gap_m < 0.0:
-        return f"{text}; they did: at {at} their outlines overlap, with {apart}."
+        return f"{text}; they did: at {at} their outlines overlap, with {distance_text}."
     if math.isfinite(encounter.least_gap_m):
-        apart += f" and {encounter.least_gap_m:.1f} m between their outlines"
-    return f"{text}; they came nearest at {at}, with {apart}."
+        distance_text += f" and {encounter.least_gap_m:.1f} m between their outlines"
+    return f"{text}; they came nearest at {at}, with {distance_text}."
 
 
 def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:

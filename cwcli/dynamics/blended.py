@@ -124,7 +124,7 @@ def observe_with_blended_bank(
     measured = (
         np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad]).astype(np.float64).reshape(n, 2)
     )
-    seen = np.asarray(np.isfinite(measured).all(axis=1), dtype=np.bool_)
+    has_lane = np.asarray(np.isfinite(measured).all(axis=1), dtype=np.bool_)
     notes = [] if yaw_rate is None else ["the measured yaw rate is not used by zhang2011's observers"]
     if steer is not None and is_sign_opposite(steer, stamp_ns, yaw_rate_from_vision_radps(lanes, v)):
         notes.append(opposite_sign_note("steering angle"))
@@ -133,7 +133,7 @@ def observe_with_blended_bank(
     inputs = np.column_stack([_hold_last_known_value(steer_rad), _hold_last_known_value(lanes.curvature_1pm)]).reshape(
         n, 2
     )
-    begin, status = _starts_and_statuses_of_frames(dt_s, v, seen, config)
+    begin, status = _starts_and_statuses_of_frames(dt_s, v, has_lane, config)
     low, weight = lower_speed_index_and_upper_weight(v)
     periods = np.clip(np.rint(dt_s / period_s), 1, MAX_PERIODS_BETWEEN_FRAMES).astype(np.int32)
     state = kernel.blend(

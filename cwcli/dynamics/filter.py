@@ -232,7 +232,7 @@ def _lane_values_and_sigmas(
     """
     noise, is_nearer = config.noise, preview_m < config.preview_m
     values = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])
-    given = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
+    stated_sigmas = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
     defaults: tuple[FloatArray | float, ...] = (
         noise.lateral_sigma_m,
         noise.heading_sigma_rad * quick**1.5,
@@ -242,7 +242,7 @@ def _lane_values_and_sigmas(
     floors = [noise.floor_share * each for each in lasting]
     yaw_shares = (config.preview_m * lanes.yaw_sigma_rad, lanes.yaw_sigma_rad, 0.0)
     columns = []
-    for sigma, default, floor, share in zip(given, defaults, floors, yaw_shares, strict=True):
+    for sigma, default, floor, share in zip(stated_sigmas, defaults, floors, yaw_shares, strict=True):
         raw = np.full(len(lanes), np.nan) if sigma is None else np.asarray(sigma, dtype=np.float64)
         raw = np.where(raw > share, np.sqrt(np.maximum(raw**2 - share**2, 0.0)), raw)
         own = np.where(np.isfinite(raw) & (raw > 0.0), np.hypot(np.maximum(raw, MIN_MEASUREMENT_SIGMA), floor), default)

@@ -108,8 +108,10 @@ class ScalarSamples:
 
     def sigmas_or_default(self, default: float) -> FloatArray:
         """The sigma of each sample, shape (n,): its own where it is finite and positive, else the default."""
-        given = np.broadcast_to(np.nan if self.sigma is None else np.asarray(self.sigma, np.float64), self.values.shape)
-        return np.where(np.isfinite(given) & (given > 0.0), given, default)
+        stated_sigma = np.broadcast_to(
+            np.nan if self.sigma is None else np.asarray(self.sigma, np.float64), self.values.shape
+        )
+        return np.where(np.isfinite(stated_sigma) & (stated_sigma > 0.0), stated_sigma, default)
 
 
 @dataclass(frozen=True)

@@ -222,8 +222,10 @@ class EstimatorConfig:
     @property
     def sources_with_trusted_clock(self) -> tuple[str, ...]:
         """Sources whose stamps stay as they are, because the user gives their latency or trusts them."""
-        given = () if isinstance(self.latency, str) else tuple(name.partition(":")[0] for name in self.latency)
-        return (*given, *self.trusted_sources)
+        sources_of_latencies = (
+            () if isinstance(self.latency, str) else tuple(name.partition(":")[0] for name in self.latency)
+        )
+        return (*sources_of_latencies, *self.trusted_sources)
 
     @property
     def takes_no_online_parameter_from_log(self) -> bool:

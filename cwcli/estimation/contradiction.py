@@ -78,15 +78,15 @@ class Contradiction:
         """Text on the votes and on the sources that are left out."""
         if self.allies:
             why = f"{', '.join(str(each) for each in self.allies)} {'agree' if len(self.allies) > 1 else 'agrees'} with"
-            done = f"{why} {self.against}"
+            action_text = f"{why} {self.against}"
         elif self.against in (GRAVITY_TEXT, CAR_MOTION_TEXT):
-            done = ""
+            action_text = ""
         else:
-            done = "no third source tells which of them is wrong"
+            action_text = "no third source tells which of them is wrong"
         if self.against in self.left_out:
             left_out = "both are left out of the estimate"
         elif self.left_out:
             left_out = f"{self.who} is left out of the estimate"
         else:
             left_out = "both are used" if isinstance(self.against, SourceQuantity) else "it is used all the same"
-        return "; ".join(part for part in (done, left_out) if part)
+        return "; ".join(part for part in (action_text, left_out) if part)

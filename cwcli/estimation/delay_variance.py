@@ -166,9 +166,9 @@ def covariance_from_moved_stamps(
         own_s = [sigma if s.source == source else 0.0 for s, sigma in zip(series, sigmas_s.tolist(), strict=True)]
         if not any(own_s):
             continue
-        moved = [replace(s, latency_s=s.latency_s - sigma_s) for s, sigma_s in zip(series, own_s, strict=True)]
+        moved_series = [replace(s, latency_s=s.latency_s - sigma_s) for s, sigma_s in zip(series, own_s, strict=True)]
         most = max(own_s) * rate
-        change = np.clip(np.nan_to_num(states_of(moved) - state), -most, most)
+        change = np.clip(np.nan_to_num(states_of(moved_series) - state), -most, most)
         grown += change[:, :, None] * change[:, None, :]
     return grown
 

@@ -98,10 +98,10 @@ def drop_stretches_without_position_and_note(
         return list(measurements), []
     stretch = np.append(0, np.cumsum(is_pause))
     of_row = [stretch[np.searchsorted(measured_ns, m.stamp_ns)] for m in measurements]
-    placed = [own for m, own in zip(measurements, of_row, strict=True) if m.kind is Kind.POSITION]
+    position_rows = [own for m, own in zip(measurements, of_row, strict=True) if m.kind is Kind.POSITION]
     near, notes = [], []
     for m, own in zip(measurements, of_row, strict=True):
-        rows = np.isin(own, np.concatenate(placed))
+        rows = np.isin(own, np.concatenate(position_rows))
         n_apart = int(np.count_nonzero(~rows))
         if n_apart:
             count_text = f"{n_apart} {m.kind.name.lower().replace('_', ' ')} rows lie more than {max_pause_s:g} s from"
@@ -123,20 +123,20 @@ def merge_remotes_placed_in_map_and_note(
     """
     frame_id = "" if local_map is not None else position.frame_id if isinstance(position, PoseSignal) else ""
     remote_signals = [signal for signal in signals if isinstance(signal, RemoteSignal)]
-    placed = [
+    placed_remotes = [
         each for each in remote_signals if each.frame_id == frame_id and (each.x_m is not None or local_map is not None)
     ]
     notes: tuple[str, ...] = ()
-    if len(placed) < len(remote_signals):
-        lost = "is Cartesian" if local_map is None else "is on the globe, and theirs are Cartesian"
-        notes = (f"the ego position {lost}: remote vehicles can't be placed in its map and are left out",)
-    if not placed:
+    if len(placed_remotes) < len(remote_signals):
+        mismatch_text = "is Cartesian" if local_map is None else "is on the globe, and theirs are Cartesian"
+        notes = (f"the ego position {mismatch_text}: remote vehicles can't be placed in its map and are left out",)
+    if not placed_remotes:
         return None, notes
-    merged = join_remote_signals(placed)
+    merged = join_remote_signals(placed_remotes)
     if not is_stitched:
         return merged, notes
-    joined, id_notes = _join_changed_ids_and_note(merged, local_map)
-    return joined, (*notes, *id_notes)
+    joined_remotes, id_notes = _join_changed_ids_and_note(merged, local_map)
+    return joined_remotes, (*notes, *id_notes)
 
 
 def remote_station_to_measurements(
@@ -211,11 +211,11 @@ def _columns_to_measurements(
     found = []
     is_exact = isinstance(signal, PoseSignal | SpeedSignal | RemoteSignal) and signal.is_exact
     for kind, (values, variances) in values_and_variances_by_kind.items():
-        given = np.isfinite(values)
-        if given.any():
-            times = stamp_ns[given], log_ns[given]
+        is_finite = np.isfinite(values)
+        if is_finite.any():
+            times = stamp_ns[is_finite], log_ns[is_finite]
             found.append(
-                Measurements(signal.source, kind, times[0], values[given], variances[given], times[1], is_exact)
+                Measurements(signal.source, kind, times[0], values[is_finite], variances[is_finite], times[1], is_exact)
             )
     return found
 

@@ -100,16 +100,16 @@ def _held_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
     A receiver without satellites may send its last fix again. One that holds the fix of a standing car does so, too,
     but the next fix is then near.
     """
-    held = np.zeros(len(time_s), np.bool_)
+    is_held = np.zeros(len(time_s), np.bool_)
     same = np.abs(np.diff(fixes_m, axis=0)).max(axis=1) <= MAX_HELD_FIX_CHANGE_M
     for begin, end in _begin_and_end_of_true_stretches(same, MIN_HELD_FIXES):  # rows begin .. end are one fix
         if end + 1 < len(time_s) and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             way_m = float(np.hypot(*(fixes_m[end + 1] - fixes_m[begin])))
-            held[begin + 1 : end + 1] = way_m > MIN_MOVING_SPEED_MPS * (time_s[end + 1] - time_s[begin])
-    elsewhere = same[~held[1:]]
+            is_held[begin + 1 : end + 1] = way_m > MIN_MOVING_SPEED_MPS * (time_s[end + 1] - time_s[begin])
+    elsewhere = same[~is_held[1:]]
     # Of fixes that are repeated all the time `repeated_rows` knows more.
     is_usual = len(elsewhere) > 0 and elsewhere.mean() >= MAX_REPEATED_ROW_SHARE
-    return np.zeros(len(time_s), np.bool_) if is_usual else held
+    return np.zeros(len(time_s), np.bool_) if is_usual else is_held
 
 
 def _resting_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_known: BoolArray) -> BoolArray:

@@ -70,7 +70,7 @@ def fixes_jumped_away_mask(time_s: FloatArray, values: EastNorthRows, scatter_m:
         values: Shape (n, 2), m.
         scatter_m: One sigma of the noise of a fix on each axis.
     """
-    away = np.zeros(len(time_s), np.bool_)
+    is_away = np.zeros(len(time_s), np.bool_)
     bound = _continuation_of_fixes(time_s, values, scatter_m) if len(time_s) else _Continuation(0.0, 0.0)
     found = _stretches_away(time_s, values, _first_rows_after_jumps(time_s, values, bound), bound)
     # The gate rejects what is shorter by itself, unless there is so much of it that the noise grows.
@@ -82,8 +82,8 @@ def fixes_jumped_away_mask(time_s: FloatArray, values: EastNorthRows, scatter_m:
     often = far if len(far) >= MIN_FREQUENT_STRETCHES else []
     for begin, end in found:
         if (begin, end) in often or time_s[end - 1] - time_s[begin] >= MIN_STRETCH_S:
-            away[begin:end] = True
-    return away
+            is_away[begin:end] = True
+    return is_away
 
 
 def do_fixes_jump_for_good(time_s: FloatArray, values: EastNorthRows, scatter_m: float) -> bool:
@@ -155,8 +155,8 @@ def _is_half_of_outlier(
         if time_s[last] <= time_s[wrong + 1]:
             continue
         velocity = (values[last] - values[wrong + 1]) / (time_s[last] - time_s[wrong + 1])
-        moved = values[wrong + 1] - values[wrong - 1] - velocity * (time_s[wrong + 1] - time_s[wrong - 1])
-        if float(np.hypot(*moved)) < MAX_OUTLIER_SHARE_OF_JUMP * bound.least_jump_m:
+        unexplained_move = values[wrong + 1] - values[wrong - 1] - velocity * (time_s[wrong + 1] - time_s[wrong - 1])
+        if float(np.hypot(*unexplained_move)) < MAX_OUTLIER_SHARE_OF_JUMP * bound.least_jump_m:
             return True
     return False
 
@@ -178,9 +178,9 @@ def _leads_back(
         return way_m < bound.usual_speed_mps * pause_s + bound.least_jump_m
     if way_m > MAX_CAR_SPEED_MPS * pause_s:
         return False
-    there, back = (values[begins[b]] - values[lasts[a]] for a, b in ((before, ordered[1]), (ordered[-2], after)))
-    least_m = min(float(np.hypot(*there)), float(np.hypot(*back)))
-    return least_m > MIN_FAR_JUMP_M or float(np.hypot(*(there + back))) < MAX_RETURN_ERROR * least_m
+    jump_away, back = (values[begins[b]] - values[lasts[a]] for a, b in ((before, ordered[1]), (ordered[-2], after)))
+    least_m = min(float(np.hypot(*jump_away)), float(np.hypot(*back)))
+    return least_m > MIN_FAR_JUMP_M or float(np.hypot(*(jump_away + back))) < MAX_RETURN_ERROR * least_m
 
 
 def _continuation_of_fixes(time_s: FloatArray, values: EastNorthRows, scatter_m: float) -> _Continuation:

@@ -129,8 +129,8 @@ NO_LATENCY = Latency(LatencyStatus.OFF)
 
 def latency_given_by_user(series: SensorSeries, config: EstimatorConfig) -> Latency | None:
     """Return the latency that the user gave for this source and kind, or for the source; None where there is none."""
-    given: Mapping[str, float] = {} if isinstance(config.latency, str) else config.latency
-    named = given.get(f"{series.source}:{series.kind.name.lower()}", given.get(series.source))
+    latency_by_source: Mapping[str, float] = {} if isinstance(config.latency, str) else config.latency
+    named = latency_by_source.get(f"{series.source}:{series.kind.name.lower()}", latency_by_source.get(series.source))
     return None if named is None else Latency(LatencyStatus.GIVEN, float(named))
 
 
@@ -140,8 +140,8 @@ def latencies_known_without_search(series: Sequence[SensorSeries], config: Estim
         return [NO_LATENCY for _ in series]
     roles: list[Latency | None] = []
     for s, is_reference in zip(series, is_reference_of_each_series(series), strict=True):
-        if (given := latency_given_by_user(s, config)) is not None:
-            roles.append(given)
+        if (given_latency_s := latency_given_by_user(s, config)) is not None:
+            roles.append(given_latency_s)
         elif is_reference:
             roles.append(Latency(LatencyStatus.REFERENCE))
         elif s.is_exact:

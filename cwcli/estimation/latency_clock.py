@@ -95,31 +95,31 @@ def _shift_latencies_to_mean_clock_and_note(
     sigma_s = float(weight.sum() ** -0.5)
     drift = float(weight @ [each.latency.drift for each in group] / weight.sum())
     middle_s = float(weight @ [each.latency.middle_s for each in group] / weight.sum())
-    moved = []
+    shifted = []
     for each in source_latencies:
         latency = each.latency
         if each.is_reference:
             bound_s = max(one.latency.bound_s for one in group)
             status = LatencyStatus.DRIFTS if drift else LatencyStatus.APPLIED
-            moved.append(Latency(status, -early_s, sigma_s, bound_s, drift=-drift, middle_s=middle_s))
+            shifted.append(Latency(status, -early_s, sigma_s, bound_s, drift=-drift, middle_s=middle_s))
         elif each in group:
-            moved.append(Latency(LatencyStatus.REFERENCE))
+            shifted.append(Latency(LatencyStatus.REFERENCE))
         elif latency.status is LatencyStatus.DRIFTS:
             both_s = float(np.hypot(latency.sigma_s, sigma_s))
-            moved.append(
+            shifted.append(
                 replace(latency, found_s=latency.found_s - early_s, sigma_s=both_s, drift=latency.drift - drift)
             )
         elif latency.status in (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT):
             found_s, both_s = latency.found_s - early_s, float(np.hypot(latency.sigma_s, sigma_s))
             is_clear = abs(found_s) > SIGNIFICANT_SIGMAS * both_s
             status = LatencyStatus.APPLIED if is_clear else LatencyStatus.NOT_SIGNIFICANT
-            moved.append(replace(latency, status=status, found_s=found_s, sigma_s=both_s))
+            shifted.append(replace(latency, status=status, found_s=found_s, sigma_s=both_s))
         else:
-            moved.append(latency)
+            shifted.append(latency)
     names = ", ".join(dict.fromkeys(each.source for each in group))
     late = next(each.source for each in source_latencies if each.is_reference)
     ahead = f"{names}: {-1e3 * early_s:.0f} ms ahead of {late}"
-    return moved, [f"{ahead}, so {late} is late; states are on the clock of {names}"]
+    return shifted, [f"{ahead}, so {late} is late; states are on the clock of {names}"]
 
 
 def _do_latencies_agree(one: Latency, other: Latency) -> bool:

@@ -131,11 +131,11 @@ class LatencyEvidence:
         about_s = float(weight @ middle_s / weight.sum())
         away_s = middle_s - about_s
         gain, first = 0.0, np.arange(n_blocks) // 2 % 2 == 0
-        for found, judged in ((first, ~first), (~first, first)):
+        for found, is_judged in ((first, ~first), (~first, first)):
             offset_s, rate = _fit_drift_offset_and_rate(away_s[found], slope[found], weight[found])
             constant_s = _parabola_vertex_s(0.0, float(slope[found].sum()), float(weight[found].sum()))
-            gain += _sum_of_parabolas(constant_s, slope[judged], weight[judged])
-            gain -= _sum_of_parabolas(offset_s + rate * away_s[judged], slope[judged], weight[judged])
+            gain += _sum_of_parabolas(constant_s, slope[is_judged], weight[is_judged])
+            gain -= _sum_of_parabolas(offset_s + rate * away_s[is_judged], slope[is_judged], weight[is_judged])
         return (
             (_fit_drift_offset_and_rate(away_s, slope, weight)[1], about_s)
             if gain > MIN_DRIFT_LIKELIHOOD_GAIN

@@ -218,11 +218,11 @@ class _LatencySearch:
             target=average_rows_to_rate(self.target, COARSE_SEARCH_HZ),
             reference=[average_rows_to_rate(s, COARSE_SEARCH_HZ) for s in self.reference],
         )
-        now, likelihood, noise = coarse.target, [], []
+        target, likelihood, noise = coarse.target, [], []
         for latency_s in LATENCY_GRID_S.tolist():
-            now = coarse._match_noise_to_innovations(replace(now, latency_s=latency_s))
-            likelihood.append(coarse._log_likelihood_of_scored_rows(now))
-            noise.append(float(now.noise[0, 0] / coarse.target.noise[0, 0]))
+            target = coarse._match_noise_to_innovations(replace(target, latency_s=latency_s))
+            likelihood.append(coarse._log_likelihood_of_scored_rows(target))
+            noise.append(float(target.noise[0, 0] / coarse.target.noise[0, 0]))
         return _LatencyLikelihoodProfile(np.array(likelihood), np.array(noise))
 
     def _move_to_likeliest_latency(self, profile: _LatencyLikelihoodProfile) -> _LatencySearch:
@@ -364,8 +364,8 @@ class _LatencySearch:
                 if abs(move_s) < 0.5 * probe_s:
                     evidence = (target, weighed)
                     break
-                moved = replace(target, latency_s=centre_s + float(np.clip(move_s, -probe_s, probe_s)))
-                target = self._match_noise_to_innovations(moved)
+                moved_target = replace(target, latency_s=centre_s + float(np.clip(move_s, -probe_s, probe_s)))
+                target = self._match_noise_to_innovations(moved_target)
             if evidence is not None and SIGNIFICANT_SIGMAS * evidence[1].formal_sigma_s <= probe_s:
                 break
         return evidence

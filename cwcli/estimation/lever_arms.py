@@ -52,5 +52,5 @@ def move_states_and_covariances_to_antenna(
     jacobian[:, np.arange(N_MOTION_STATES), np.arange(N_MOTION_STATES)] = 1.0
     jacobian[:, 0, HEADING], jacobian[:, 1, HEADING] = -lever_m * s, lever_m * c
     jacobian[:, 0, ahead], jacobian[:, 1, ahead] = c, s
-    moved = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
-    return motion, 0.5 * (moved + moved.transpose(0, 2, 1))
+    moved_covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    return motion, 0.5 * (moved_covariance + moved_covariance.transpose(0, 2, 1))

@@ -91,8 +91,8 @@ class MotionParameters:
     def to_process_model(self, walk: FloatArray) -> ekf.ProcessModel:
         """Return the kernel's model; walk (n,): white noise behind the parameter states, variance per second."""
         time_constant_s, turn_noise = np.zeros(len(walk)), np.zeros(len(walk))
-        for array, given in ((time_constant_s, self.time_constant_s), (turn_noise, self.turn_noise)):
-            for i, value in given.items():
+        for array, stated_values in ((time_constant_s, self.time_constant_s), (turn_noise, self.turn_noise)):
+            for i, value in stated_values.items():
                 array[i] = value
         jerk_rate, yaw_accel_rate = 1.0 / self.jerk_decay_s, 1.0 / self.yaw_accel_decay_s
         return ekf.ProcessModel.damped(

@@ -164,8 +164,8 @@ def _refit_manoeuvre_sigma_and_get_likelihood(
         return trials.log_likelihood(replace(fit, parameters=parameters).apply_to_layout(layout))
 
     parameters, limits = fit.parameters, MANOEUVRE_SIGMA_LIMITS[sigma_name]
-    now, first = float(getattr(parameters, sigma_name)), float(getattr(layout.parameters, sigma_name))
-    sides = [parameters.with_manoeuvre_sigma(sigma_name, now * f) for f in (0.5, 2.0)]
+    current_sigma, first = float(getattr(parameters, sigma_name)), float(getattr(layout.parameters, sigma_name))
+    sides = [parameters.with_manoeuvre_sigma(sigma_name, current_sigma * f) for f in (0.5, 2.0)]
     left, right = (log_likelihood(side) for side in sides)
     bend = left - 2.0 * likelihood_of_fit + right
     if bend < 0.0:
@@ -173,7 +173,7 @@ def _refit_manoeuvre_sigma_and_get_likelihood(
         move = float(np.clip(move, -2.0 * MOTION_SIGMA_LOG_STEP, 2.0 * MOTION_SIGMA_LOG_STEP))
     else:
         move = MOTION_SIGMA_LOG_STEP * (1.0 if right > left else -1.0)
-    scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
+    scale = float(np.clip(np.log(current_sigma / first) + move, *np.log(limits)))
     better = parameters.with_manoeuvre_sigma(sigma_name, first * float(np.exp(scale)))
     options = [(likelihood_of_fit, parameters), (log_likelihood(better), better), (left, sides[0]), (right, sides[1])]
     reached, best = max(options, key=lambda option: option[0])

@@ -115,8 +115,8 @@ def available_times_of_states_ns(
         there_ns = positions.received_ns[positions.stamp_ns >= m.stamp_ns[0]].min(initial=NEVER_AVAILABLE_NS)
         first = np.minimum.accumulate(np.maximum(m.received_ns, there_ns)[::-1])[::-1]
         reached = np.minimum(reached, np.append(first, NEVER_AVAILABLE_NS)[np.searchsorted(m.stamp_ns, stamp_ns)])
-    placed = _first_position_received_ns(measurements, stamp_ns, round(max_pause_s * NS_PER_S))
-    return np.maximum.accumulate(np.maximum(np.maximum(known, reached), placed))
+    first_position_ns = _first_position_received_ns(measurements, stamp_ns, round(max_pause_s * NS_PER_S))
+    return np.maximum.accumulate(np.maximum(np.maximum(known, reached), first_position_ns))
 
 
 def not_overtaken_message_mask(stamp_ns: Int64Array, log_time_ns: Int64Array) -> npt.NDArray[np.bool_]:

@@ -220,8 +220,8 @@ def _pool_latencies(
         pooled.append(
             SourceLatency(*key, is_reference=is_reference, latency=_constant_to_latency(constant, is_reference))
         )
-    moved, _ = shift_latencies_to_agreed_clock_and_note(pooled)
-    for each, latency in zip(pooled, moved, strict=True):
+    shifted, _ = shift_latencies_to_agreed_clock_and_note(pooled)
+    for each, latency in zip(pooled, shifted, strict=True):
         key = (each.source, each.kind)
         if latency == each.latency or not found[key].has_value:
             continue

@@ -88,7 +88,7 @@ def clean_and_sort_measurements_and_note(
     notes: list[str] = []
     for m in measurements:
         finite = np.isfinite(m.values).all(axis=1)
-        lost = int((~finite).sum())
+        n_not_finite = int((~finite).sum())
         time = seconds_since_zero_time(m.stamp_ns[finite], zero_ns)
         order = np.argsort(time, kind="stable")
         time, values = time[order], m.values[finite][order]
@@ -119,7 +119,7 @@ def clean_and_sort_measurements_and_note(
                 notes += note
                 prepared.append(
                     PreparedSeries(
-                        series, True, len(m), lost, imu.n_interpolated, stale.n_repeated,
+                        series, True, len(m), n_not_finite, imu.n_interpolated, stale.n_repeated,
                         mounting=imu.mounting, mean_force_mps2=values[:, :3].mean(axis=0) if len(values) else None,
                     )
                 )  # fmt: skip
@@ -136,14 +136,14 @@ def clean_and_sort_measurements_and_note(
             notes.append(f"{m.source}: {m.kind.name.lower()} {why}")
             prepared.append(
                 PreparedSeries(
-                    _build_series_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost
+                    _build_series_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), n_not_finite
                 )
             )
             continue
         series = _build_series_with_noise(m.source, m.kind, time, values, covariance)
         series = _add_coarse_steps_and_note(replace(series, is_exact=m.is_exact), notes)
         prepared.append(
-            PreparedSeries(series, False, len(m), lost, stale.n_interpolated, stale.n_repeated, int(late.sum()))
+            PreparedSeries(series, False, len(m), n_not_finite, stale.n_interpolated, stale.n_repeated, int(late.sum()))
         )
     return prepared, notes
 
@@ -164,7 +164,7 @@ def prepare_without_looking_ahead(
     for m in measurements:
         finite = np.flatnonzero(np.isfinite(m.values).all(axis=1))
         rows = finite[np.argsort(m.stamp_ns[finite], kind="stable")]
-        lost = len(m) - len(rows)
+        n_left_out = len(m) - len(rows)
         if m.kind in RATE_KINDS:
             changes = np.flatnonzero((m.values[rows] != m.values[rows[:1]]).any(axis=1))
             rows = rows[changes[0] :] if len(changes) else rows[:0]
@@ -173,7 +173,7 @@ def prepare_without_looking_ahead(
         if m.kind is not Kind.IMU:
             series = _build_series_with_noise(m.source, m.kind, time, m.values[rows], covariance, looks_ahead=False)
             series = replace(series, is_exact=m.is_exact)
-            prepared.append(PreparedSeries(series, False, len(m), lost))
+            prepared.append(PreparedSeries(series, False, len(m), n_left_out))
             continue
         mounting = mountings.get(m.source, ImuMounting(0.0, 0.0))
         for kind, values, axis in (
@@ -183,7 +183,7 @@ def prepare_without_looking_ahead(
             variance = None if covariance is None else covariance[:, axis : axis + 1, axis : axis + 1]
             series = _build_series_with_noise(m.source, kind, time, values[:, None], variance, looks_ahead=False)
             force = m.values[rows, :3].mean(axis=0) if len(rows) else None
-            prepared.append(PreparedSeries(series, True, len(m), lost, mounting=mounting, mean_force_mps2=force))
+            prepared.append(PreparedSeries(series, True, len(m), n_left_out, mounting=mounting, mean_force_mps2=force))
     return prepared
 
 

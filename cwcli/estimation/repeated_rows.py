@@ -200,9 +200,11 @@ def _interpolated_row_mask_and_period_s(
     line = np.clip(np.searchsorted(knots, np.arange(n), side="right") - 1, 0, len(knots) - 2)
     line_slope = np.diff(values[knots], axis=0) / duration_s[:, None]
     begin = knots[line]
-    away = np.abs(values - values[begin] - line_slope[line] * (time_s - time_s[begin])[:, None]).max(axis=1)
+    distance_from_line = np.abs(values - values[begin] - line_slope[line] * (time_s - time_s[begin])[:, None]).max(
+        axis=1
+    )
     inside = (np.arange(n) >= knots[0]) & (np.arange(n) <= knots[-1])
-    leaves = np.bincount(line[inside], away[inside] > tolerance, len(knots) - 1) > 0
+    leaves = np.bincount(line[inside], distance_from_line[inside] > tolerance, len(knots) - 1) > 0
     turns = np.abs(np.diff(line_slope, axis=0)).max(axis=1) * np.minimum(duration_s[1:], duration_s[:-1]) / 8.0
     if (
         float(leaves.mean()) > 1.0 - MIN_SHARE_OF_STRAIGHT_LINES

@@ -294,9 +294,9 @@ class _SensorModelTrials:
         """
         left = MAX_CLIMB_TRIALS
         for step in CLIMB_STEP_FACTORS:
-            moved = True
-            while moved and left > 0:
-                moved = False
+            has_improved = True
+            while has_improved and left > 0:
+                has_improved = False
                 for wider, longer in ((step**0.5, step), (step**-0.5, 1.0 / step), (step**0.5, 1.0), (step**-0.5, 1.0)):
                     slow = self._scaled_slow_error_or_none(i, trial.model.slow[i], wider, longer)
                     if slow is None or left <= 0:
@@ -304,7 +304,7 @@ class _SensorModelTrials:
                     left -= 1
                     other = self.run_model_trial(replace(trial.model, slow={**trial.model.slow, i: slow}), trial)
                     if other.score > trial.score:
-                        trial, moved = other, True
+                        trial, has_improved = other, True
                         break
         return self._average_slow_error_by_likelihood(trial, i)
 
@@ -330,8 +330,12 @@ class _SensorModelTrials:
     ) -> GaussMarkovError | None:
         """Return a slow error scaled by two factors; None where its time constant leaves its limits."""
         shortest, longest = TIME_CONSTANT_LIMITS_S[self.base.series[i].kind]
-        moved = GaussMarkovError(slow.sigma * wider, slow.time_s * longer)
-        return moved if shortest <= moved.time_s <= min(longest, self.span_s / MIN_TIME_CONSTANTS_IN_LOG) else None
+        scaled_error = GaussMarkovError(slow.sigma * wider, slow.time_s * longer)
+        return (
+            scaled_error
+            if shortest <= scaled_error.time_s <= min(longest, self.span_s / MIN_TIME_CONSTANTS_IN_LOG)
+            else None
+        )
 
 
 def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: StateLayout) -> FoundSensorModel:

@@ -124,10 +124,12 @@ def estimate_track_with_song2016(
             zero_ns, zero_ns + round(end * NS_PER_S) + 1, round(step * NS_PER_S), dtype=np.int64
         )
     # The states are known at the steps; between them the step before holds.
-    wanted = seconds_since_zero_time(output_stamp_ns, zero_ns)
-    start = replace_infinite_start_by_end_of_rows(find_filter_start(series, 6, causal=config.causal), series, wanted)
+    output_time_s = seconds_since_zero_time(output_stamp_ns, zero_ns)
+    start = replace_infinite_start_by_end_of_rows(
+        find_filter_start(series, 6, causal=config.causal), series, output_time_s
+    )
     begin = round(start.time_s / step) * step
-    wanted_step = np.maximum(np.floor(wanted / step + 1e-6).astype(np.int64), round(begin / step))
+    wanted_step = np.maximum(np.floor(output_time_s / step + 1e-6).astype(np.int64), round(begin / step))
     steps = _step_numbers_without_pauses(series, round(begin / step), wanted_step, step)
     result = run_filter_pass(
         series, replace(start, time_s=begin), ekf.ProcessModel.song2016(process_noise_covariance(step)),
@@ -136,10 +138,10 @@ def estimate_track_with_song2016(
     all_states, all_covariances = append_jerk_and_yaw_acceleration(result.state, result.covariance, steps, step)
     row = np.searchsorted(steps, wanted_step)
     state, covariance = all_states[row], all_covariances[row]
-    _extrapolate_states_in_place(state, np.maximum(wanted - steps[row] * step, 0.0))
+    _extrapolate_states_in_place(state, np.maximum(output_time_s - steps[row] * step, 0.0))
     if config.causal:
         set_states_before_start_in_place(
-            state, covariance, series, start_s=begin, output_s=wanted, prior=np.zeros(N_MOTION_STATES)
+            state, covariance, series, start_s=begin, output_s=output_time_s, prior=np.zeros(N_MOTION_STATES)
         )
         notes += notes_on_rows_before_start(series, result)
     reports = tuple(
@@ -153,7 +155,9 @@ def estimate_track_with_song2016(
         )
         for p, s, latency, nis, status in zip(prepared, series, latencies, result.nis, result.status, strict=True)
     )  # fmt: skip
-    flags = compute_state_flags(series, result.status, wanted, start=replace(start, time_s=begin), causal=config.causal)
+    flags = compute_state_flags(
+        series, result.status, output_time_s, start=replace(start, time_s=begin), causal=config.causal
+    )
     return Track(
         output_stamp_ns, state, covariance, flags, reports, result.log_likelihood,
         (*(each.sentence_on_fault_and_undoing for each in corrections), *notes), corrections=tuple(corrections),
@@ -264,8 +268,8 @@ def _step_numbers_without_pauses(
     """Return the step numbers from `first_step` to the last measurement, without long pauses, and the wanted ones."""
     measured = np.concatenate([np.round(s.time_s / step_s).astype(np.int64) for s in series])
     ends = sort_distinct_values(np.append(measured[measured >= first_step], first_step))
-    apart = np.diff(ends)
-    each = np.where(apart * step_s > MAX_STEPPED_PAUSE_S, 1, apart)
+    rows_between_ends = np.diff(ends)
+    each = np.where(rows_between_ends * step_s > MAX_STEPPED_PAUSE_S, 1, rows_between_ends)
     within = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
     return sort_distinct_values(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted_steps]))
 

@@ -383,9 +383,14 @@ def _judge_median_course_difference(one: StepMotion, other: StepMotion, step_s: 
     # About the mean direction the median is small; the range moves with it.
     if math.isnan(interval.value):
         return UNKNOWN_STEP_COMPARISON
-    moved = middle - 2.0 * np.pi * round((middle + interval.value) / (2.0 * np.pi))
+    nearest_difference = middle - 2.0 * np.pi * round((middle + interval.value) / (2.0 * np.pi))
     return StepComparison.from_median_interval(
-        MedianInterval(moved + interval.value, moved + interval.low, moved + interval.high, interval.n),
+        MedianInterval(
+            nearest_difference + interval.value,
+            nearest_difference + interval.low,
+            nearest_difference + interval.high,
+            interval.n,
+        ),
         HEADING_OFFSET_RANGE,
     )
 

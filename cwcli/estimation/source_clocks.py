@@ -97,7 +97,7 @@ def align_source_clocks_and_note(
     Returns:
         The measurements, and what the user is told.
     """
-    given = measurements
+    original_measurements = measurements
     measurements, wrong_units = _replace_stamps_of_wrong_rate_and_note(measurements, trusted)
     measurements, coarse = _replace_coarse_stamps_and_note(measurements, trusted)
     clocks = {
@@ -122,7 +122,7 @@ def align_source_clocks_and_note(
         s: o for s in delays_s if s not in trusted and (o := _offset_from_other_clocks_s(s, delays_s, stepped, notes))
     }
     if not corrects:
-        return list(given), [f"{note}; not corrected, because the stamps are trusted" for note in notes]
+        return list(original_measurements), [f"{note}; not corrected, because the stamps are trusted" for note in notes]
     return [
         _shift_stamps(m, [(EARLIEST_LOG_TIME_NS, offsets_s[m.source])]) if m.source in offsets_s else m for m in stepped
     ], notes
@@ -399,8 +399,8 @@ def _shift_stamps(m: Measurements, shifts: Sequence[tuple[int, float]]) -> Measu
     stamp_ns = m.stamp_ns.copy()
     for log_ns, shift_s in shifts:
         stamp_ns[m.received_ns >= log_ns] += round(shift_s * NS_PER_S)
-    moved = replace(m, stamp_ns=stamp_ns)
+    shifted = replace(m, stamp_ns=stamp_ns)
     order = np.argsort(stamp_ns, kind="stable")
     if (order == np.arange(len(order))).all():
-        return moved
-    return moved.select_rows(order)
+        return shifted
+    return shifted.select_rows(order)

@@ -115,10 +115,10 @@ def judge_sources(
         if attempt is None:
             break
         take(attempt)
-    current, turned = correct_and_list_turned_imus(current, voted.prepared, trusted)
+    current, turned_imus = correct_and_list_turned_imus(current, voted.prepared, trusted)
     current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
-    if turned or scaled:
-        corrections += [*turned, *scaled]
+    if turned_imus or scaled:
+        corrections += [*turned_imus, *scaled]
         prepared, notes = prepare(current)
         voted = leave_out_outvoted_sources(
             [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p for p in prepared],

@@ -199,15 +199,15 @@ class _StampErrorSearch:
     def _climb_to_best_point(self, point: Point, axes: Sequence[int], strides: Sequence[int] = CLIMB_STRIDES) -> Point:
         """Climb along the axes, one after the other, to the likeliest point."""
         for stride in strides:
-            moved = True
-            while moved and len(self._scores) < MAX_FILTER_PASSES_PER_SEARCH:
-                moved = False
+            has_moved = True
+            while has_moved and len(self._scores) < MAX_FILTER_PASSES_PER_SEARCH:
+                has_moved = False
                 for axis in axes:
                     for step in (stride, -stride):
                         while (other := _neighbouring_point(point, axis, step)) and self._log_likelihood_at(
                             other
                         ) > self._log_likelihood_at(point):
-                            point, moved = other, True
+                            point, has_moved = other, True
         return point
 
     def _log_likelihood_at(self, point: Point) -> float:
@@ -259,10 +259,10 @@ class _StampErrorSearch:
 
 def _neighbouring_point(point: Point, axis: int, step: int) -> Point | None:
     """Return the point a step away along an axis; None where the stamp error leaves its bounds."""
-    here = list(point)
-    at = here[axis]
+    neighbour = list(point)
+    at = neighbour[axis]
     assert at is not None
-    here[axis] = at + step
+    neighbour[axis] = at + step
     if axis == 0 and not MIN_STAMP_SIGMA_STEP <= at + step <= MAX_STAMP_SIGMA_STEP:
         return None
-    return here[0], *here[1:]  # type: ignore[return-value]
+    return neighbour[0], *neighbour[1:]  # type: ignore[return-value]

@@ -108,9 +108,9 @@ def _iter_standstill_row_slices(time_s: FloatArray, fixes_m: EastNorthRows) -> I
     total = np.concatenate((np.zeros((1, 2)), np.cumsum(fixes_m, axis=0)))
     first = np.searchsorted(time_s, time_s - STANDSTILL_WINDOW_S)
     last = np.searchsorted(time_s, time_s + STANDSTILL_WINDOW_S, side="right")
-    here = np.arange(n)
-    before_m = (total[here + 1] - total[first]) / (here + 1 - first)[:, None]
-    after_m = (total[last] - total[here]) / (last - here)[:, None]
+    row_numbers = np.arange(n)
+    before_m = (total[row_numbers + 1] - total[first]) / (row_numbers + 1 - first)[:, None]
+    after_m = (total[last] - total[row_numbers]) / (last - row_numbers)[:, None]
     between_s = 0.5 * (time_s[last - 1] - time_s[first])
     moved_m = np.hypot(*(after_m - before_m).T)
     standing: npt.NDArray[np.bool_] = moved_m < MAX_STANDING_SPEED_MPS * between_s

@@ -47,5 +47,7 @@ def heading_flipped_at_standstill_mask(
     next_moving = np.searchsorted(moving, np.arange(len(time_s)))
     before = moving[np.maximum(next_moving - 1, 0)]
     after = moving[np.minimum(next_moving, len(moving) - 1)]
-    away = [np.cos(heading_rad - heading_rad[rows]) < math.cos(MIN_HEADING_JUMP_RAD) for rows in (before, after)]
-    return np.asarray(standing & away[0] & away[1])
+    is_far_from_before_and_after = [
+        np.cos(heading_rad - heading_rad[rows]) < math.cos(MIN_HEADING_JUMP_RAD) for rows in (before, after)
+    ]
+    return np.asarray(standing & is_far_from_before_and_after[0] & is_far_from_before_and_after[1])

@@ -78,8 +78,8 @@ def find_filter_start(series: Sequence[SensorSeries], n_states: int, *, causal: 
         unknown = HeadingCandidate(0.0, 0.0, UNKNOWN_HEADING_SIGMA_RAD, 0.0, UNKNOWN_SPEED_SIGMA_MPS)
         heading_s, heading, heading_sigma, speed, speed_sigma = min(_heading_candidates(series), default=unknown)
     if not causal and heading_s > begin:
-        turned, turned_sigma = _turned_angle_and_sigma_rad(series, begin, heading_s)
-        heading -= turned
+        turned_angle_rad, turned_sigma = _turned_angle_and_sigma_rad(series, begin, heading_s)
+        heading -= turned_angle_rad
         heading_sigma = min(np.hypot(heading_sigma, turned_sigma), UNKNOWN_HEADING_SIGMA_RAD)
         speed, speed_sigma = _speed_and_sigma_at(series, begin)
     x, y, position_sigma = _x_y_and_sigma_at(series, begin, speed if np.isfinite(heading) else 0.0)

@@ -100,11 +100,11 @@ def apply_stated_noise(
     Raises:
         UsageError: A topic has another number of values than its quantity needs.
     """
-    done = []
+    with_stated_noise = []
     for each in measurements:
         stated = sigmas.get(each.source, sigmas.get(role.value))
         if stated is None or each.kind is not KIND_BY_ROLE[role]:
-            done.append(each)
+            with_stated_noise.append(each)
             continue
         if (len(stated) == 2) != (each.kind is Kind.IMU):
             raise UsageError(f"--sigma {each.source}: an IMU needs two values, other sensors one")
@@ -114,5 +114,5 @@ def apply_stated_noise(
         if each.covariance is not None:
             has_noise = (np.diagonal(each.covariance, axis1=1, axis2=2) > 0.0).all(axis=1)
             covariance[has_noise] = each.covariance[has_noise]
-        done.append(replace(each, covariance=covariance))
-    return done
+        with_stated_noise.append(replace(each, covariance=covariance))
+    return with_stated_noise

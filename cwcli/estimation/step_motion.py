@@ -100,15 +100,17 @@ def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     known = covered_step_mask(s.time_s, edges_s)
     if s.kind in (Kind.POSITION, Kind.VELOCITY):
         if s.kind is Kind.POSITION:
-            moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
+            displacement = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
             chord_sigma_m = math.sqrt(2.0) * np.fmax(noise_sigma_from_scatter_about_neighbours(s), MIN_POSITION_SIGMA_M)
             least_m = max(MIN_CHORD_M, MIN_CHORD_SIGMAS * chord_sigma_m)
         else:
-            moved = np.column_stack([means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
+            displacement = (
+                np.column_stack([means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
+            )
             chord_sigma_m, least_m = 0.0, MIN_CHORD_M
-        distance = np.where(known, np.hypot(*moved.T), np.nan)
+        distance = np.where(known, np.hypot(*displacement.T), np.nan)
         clear = np.where(distance > least_m, distance, np.nan)
-        course = np.where(distance > least_m, np.arctan2(moved[:, 1], moved[:, 0]), np.nan)
+        course = np.where(distance > least_m, np.arctan2(displacement[:, 1], displacement[:, 0]), np.nan)
         sigma = chord_sigma_m / clear if s.kind is Kind.POSITION else np.full(n, VELOCITY_COURSE_SIGMA_RAD)
         return StepMotion(s, clear, clear / step_s, course, chord_sigma_m / step_s, sigma, True)
     values = s.values[:, 0]

@@ -236,25 +236,32 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     # Where no state may depend on what the whole log shows, it is told, and nothing is changed.
     looks_ahead = not (config.blind or (config.causal and config.calibration is not None))
     if config.compares_sources:
-        judged = judge_sources(measurements, prepare, trusted=trusted, looks_ahead=looks_ahead)
+        judged_sources = judge_sources(measurements, prepare, trusted=trusted, looks_ahead=looks_ahead)
     else:
         corrected, found = (
             correct_and_list_imu_units_and_tilt(measurements, trusted) if looks_ahead else (measurements, [])
         )
-        judged = JudgedSources(*prepare(corrected), tuple(found), ())
+        judged_sources = JudgedSources(*prepare(corrected), tuple(found), ())
     if looks_ahead:
-        prepared, coarse_notes = keep_changes_and_standstills_of_coarse_speeds_and_note(judged.prepared)
-        judged = replace(judged, prepared=prepared, notes=[*judged.notes, *coarse_notes])
-    corrections = (*by_user, *judged.corrections)
+        prepared, coarse_notes = keep_changes_and_standstills_of_coarse_speeds_and_note(judged_sources.prepared)
+        judged_sources = replace(judged_sources, prepared=prepared, notes=[*judged_sources.notes, *coarse_notes])
+    corrections = (*by_user, *judged_sources.corrections)
     notes = (
         *clock_notes,
         *(each.sentence_on_fault_and_undoing for each in corrections),
-        *(f"{each.contradiction_sentence}; {each.consequence_text}" for each in judged.contradictions),
-        *judged.notes,
+        *(f"{each.contradiction_sentence}; {each.consequence_text}" for each in judged_sources.contradictions),
+        *judged_sources.notes,
     )
-    tuned = tune_latencies_and_noise(judged.prepared, config, MotionParameters())
+    tuned = tune_latencies_and_noise(judged_sources.prepared, config, MotionParameters())
     return _TunedMeasurements(
-        zero_ns, judged.prepared, tuned, notes, judged.contradictions, corrections, aligned, judged.unchecked
+        zero_ns,
+        judged_sources.prepared,
+        tuned,
+        notes,
+        judged_sources.contradictions,
+        corrections,
+        aligned,
+        judged_sources.unchecked,
     )
 
 
@@ -352,11 +359,11 @@ def _filter_and_smooth(
         covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
 
     def states_of(series: Sequence[SensorSeries]) -> StateRows:
-        moved = run_filter_pass(
+        pass_at_antenna = run_filter_pass(
             series, start, tuned.motion, output_s,
             smooth=not config.causal, reset_after=config.reset_after, restarts=restarts,
         )  # fmt: skip
-        return move_states_and_covariances_to_antenna(series, moved.state, moved.covariance)[0]
+        return move_states_and_covariances_to_antenna(series, pass_at_antenna.state, pass_at_antenna.covariance)[0]
 
     in_turns = distances_of_fixes_in_turns([] if config.blind else tuned.series)
     sigmas_s = delay_sigmas_s(tuned.series, tuned.latencies, tuned.delay_sigmas)
@@ -450,9 +457,9 @@ def _refine_start_by_smoothing(tuned: TunedSeries, start: FilterStart, reset_aft
     first_s = min(float(s.time_s[0] - s.latency_s) for s in tuned.series if s.kind is Kind.POSITION and len(s))
     if first_s - start.time_s < MIN_WAIT_FOR_POSITION_TO_REFINE_START_S:
         return start
-    here = np.array([start.time_s])
+    start_time_s = np.array([start.time_s])
     for _ in range(MAX_START_REFINEMENT_ROUNDS):
-        found = run_filter_pass(tuned.series, start, tuned.motion, here, smooth=True, reset_after=reset_after)
+        found = run_filter_pass(tuned.series, start, tuned.motion, start_time_s, smooth=True, reset_after=reset_after)
         state = found.state[0]
         if not np.isfinite(state).all():
             break

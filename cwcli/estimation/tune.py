@@ -96,7 +96,7 @@ def tune_latencies_and_noise(
     """
     series, walk, prior = add_bias_states_and_their_variances(prepared, parameters)
     search = _ParameterSearch(StateLayout(series, parameters, walk, prior), config)
-    (compared, latencies, moved, clock_sigma_s), sensors = search.find_latencies_and_sensor_errors()
+    (compared, latencies, moved_clock, clock_sigma_s), sensors = search.find_latencies_and_sensor_errors()
     layout = search.layout_with(latencies, sensors.model)
     mean, prior = np.zeros_like(layout.prior), layout.prior
     if config.calibration is not None:
@@ -152,7 +152,7 @@ def tune_latencies_and_noise(
         tuple(compared),
         parameters,
         sensors,
-        (*moved, *unknown, *drifting, *early),
+        (*moved_clock, *unknown, *drifting, *early),
         delay_sigmas_of_best_known_sources(series, latencies, clock_sigma_s),
     )
 

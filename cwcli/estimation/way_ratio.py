@@ -56,9 +56,9 @@ class WayRatio:
     @property
     def is_beyond_prior(self) -> bool:
         """Whether no usual wheel explains it, though a speedometer may."""
-        away = abs(self.value - 1.0) - self.half_width
+        difference_from_one = abs(self.value - 1.0) - self.half_width
         return (
-            away > MIN_RATIO_ERROR_IN_PRIOR_SIGMAS * SPEED_SCALE_PRIOR_SIGMA
+            difference_from_one > MIN_RATIO_ERROR_IN_PRIOR_SIGMAS * SPEED_SCALE_PRIOR_SIGMA
             and SPEED_SCALE_RANGE.contains_or_is_nan(self.value)
         )
 

@@ -135,12 +135,12 @@ def _notes_on_unused_truth(read: SensorSignals) -> tuple[str, ...]:
 def _read_position_and_truth(log: Log, record: Record, truth: str) -> SensorSignals:
     """Read the position and truth signals as `cwcli estimate` did."""
     used = source_config_from_record(record)
-    wanted = (Role.EGO_POSITION,) if truth == "none" else (Role.EGO_POSITION, Role.TRUTH)
-    chosen = {role.value: used.topics[role.value] for role in wanted if role in used.topics}
+    roles = (Role.EGO_POSITION,) if truth == "none" else (Role.EGO_POSITION, Role.TRUTH)
+    chosen = {role.value: used.topics[role.value] for role in roles if role in used.topics}
     if truth not in ("auto", "none"):
         chosen[Role.TRUTH.value] = truth
     config = replace(used, topics=chosen)
-    return read_sensor_signals(log, config, command="evaluate", required=(), optional=wanted)
+    return read_sensor_signals(log, config, command="evaluate", required=(), optional=roles)
 
 
 def _stamps_and_positions_of_latency_corrected_fixes(
@@ -203,8 +203,8 @@ def _truth_in_map_with_signal_and_row_mask(
     if stamps_and_positions_of_fixes is not None:
         measured_xy = resample(*stamps_and_positions_of_fixes, stamp_ns, max_gap_s=MAX_INTERPOLATED_FIX_GAP_S)
     origin = parse_json_entry_or_empty(record, "configuration", dict).get("truth_origin")
-    given = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
-    true_xy, _ = place_truth_in_map_with_notes(signal, inside, local_map, given, measured_xy)
+    given_origin = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
+    true_xy, _ = place_truth_in_map_with_notes(signal, inside, local_map, given_origin, measured_xy)
     if isinstance(signal, PositionSignal):
         return EgoTruth(signal.source, stamp_ns, true_xy), signal, inside
     motion = (each[inside] for each in (signal.speed_mps, signal.travel_rad, signal.yaw_rate_radps))
@@ -270,20 +270,20 @@ def _add_consistency_metrics(headline: HeadlineCollector, reports: Sequence[Any]
     own = [report for report in reports if isinstance(report, dict) and report.get("vehicle") == EGO_ID]
     others = [report for report in reports if isinstance(report, dict) and report.get("vehicle") != EGO_ID]
     for quantity in dict.fromkeys(str(report.get("quantity")) for report in own):
-        judged = [
+        judged_sources = [
             report
             for report in own
             if report.get("quantity") == quantity and isinstance(report.get("nis_inside"), bool)
         ]
-        if not judged or find_metric(f"ego.{quantity}_nis") is None:
+        if not judged_sources or find_metric(f"ego.{quantity}_nis") is None:
             continue
-        n = sum(read_finite_number_or_nan(report, "used") for report in judged)
+        n = sum(read_finite_number_or_nan(report, "used") for report in judged_sources)
         total = sum(
             read_finite_number_or_nan(report, "used") * read_finite_number_or_nan(report, "nis_per_dof")
-            for report in judged
+            for report in judged_sources
         )
         headline.add_from_sums(f"ego.{quantity}_nis", total, n)
-        headline.add_share(f"ego.{quantity}_nis_inside", [report["nis_inside"] for report in judged])
+        headline.add_share(f"ego.{quantity}_nis_inside", [report["nis_inside"] for report in judged_sources])
     for who, found in (("ego", own), ("remote", others)):
         inside = [report["nis_inside"] for report in found if isinstance(report.get("nis_inside"), bool)]
         headline.add_share(f"{who}.nis_inside_share", inside)

@@ -50,12 +50,12 @@ def _largest_lasting_offset_as_document(
     order = np.argsort(stamp_ns, kind="stable")
     stamp_ns = stamp_ns[order]
     variance = 0.5 * (ego.covariance[:, 0, 0] + ego.covariance[:, 1, 1])
-    there = resample(
+    track_at_fixes = resample(
         ego.stamp_ns, np.column_stack([ego.state[:, :2], variance]), stamp_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S
     )
-    offset = fixes.values[order] - there[:, :2]
+    offset = fixes.values[order] - track_at_fixes[:, :2]
     known = np.isfinite(offset).all(axis=1)
-    stamp_ns, offset, variance = stamp_ns[known], offset[known], there[known, 2]
+    stamp_ns, offset, variance = stamp_ns[known], offset[known], track_at_fixes[known, 2]
     if len(stamp_ns) < 3:
         return []
     distance_m = least_value_in_window_from_each_row(

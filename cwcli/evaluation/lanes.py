@@ -176,9 +176,9 @@ def _boundary_columns_through_lens_px(
     dense_px = np.linspace(0.0, lowest_px, min(int(lowest_px) + 1, MAX_RECTIFIED_ROWS))
     x_px = drawn.columns_at_heights_px((search_h + 0.5 - (dense_px + 0.5) * search_h / image_h)[None], search_h)[0]
     u_px = (x_px - 0.5) * image_w / search_w - 0.5
-    seen = map_rectified_to_camera_px(np.stack([u_px, np.broadcast_to(dense_px, u_px.shape)], axis=-1), lens)
-    columns_px = np.full((len(seen), len(rows_px)), np.nan)
-    for side, points in enumerate(seen):
+    camera_px = map_rectified_to_camera_px(np.stack([u_px, np.broadcast_to(dense_px, u_px.shape)], axis=-1), lens)
+    columns_px = np.full((len(camera_px), len(rows_px)), np.nan)
+    for side, points in enumerate(camera_px):
         line = points[in_image_mask(points, lens)]
         if len(line) > 1:
             line = line[np.argsort(line[:, 1], kind="stable")]

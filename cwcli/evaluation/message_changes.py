@@ -226,10 +226,12 @@ def _field_difference_mask(
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray) and one.shape[1:] == other.shape[1:]:
         left, right = one[early_rows], other[late_rows]
         if left.dtype.kind in "iub" and right.dtype.kind in "iub" and field_name not in tolerances:
-            apart = np.asarray(left != right)
+            differs = np.asarray(left != right)
         else:
-            apart = _number_difference_mask(left.astype(float), right.astype(float), tolerances.get(field_name, 0.0))
-        return np.asarray(apart.reshape(len(early_rows), -1).any(axis=1)) if len(early_rows) else np.zeros(0, np.bool_)
+            differs = _number_difference_mask(left.astype(float), right.astype(float), tolerances.get(field_name, 0.0))
+        return (
+            np.asarray(differs.reshape(len(early_rows), -1).any(axis=1)) if len(early_rows) else np.zeros(0, np.bool_)
+        )
     if isinstance(one, Strings) and isinstance(other, Strings):
         values: dict[str | None, int] = {None: -1}
         codes = [
@@ -291,8 +293,8 @@ def _largest_number_difference(
         or early_field.shape[1:] != late_field.shape[1:]
     ):
         return math.nan
-    apart = np.abs(early_field[early_rows].astype(float) - late_field[late_rows].astype(float))
-    known = apart[np.isfinite(apart)]
+    differences = np.abs(early_field[early_rows].astype(float) - late_field[late_rows].astype(float))
+    known = differences[np.isfinite(differences)]
     return float(known.max()) if len(known) else math.nan
 
 

@@ -165,10 +165,11 @@ def add_errors_at_horizons(headline: HeadlineCollector, prefix: str, found: list
         whole = is_known[:, : k + 1].all(axis=1)
         if find_metric(f"{prefix}ade_{horizon_s:.1f}s_m") is not None:
             headline.add_errors(f"{prefix}ade_{horizon_s:.1f}s_m", distance[whole, : k + 1].mean(axis=1))
-        judged = squared[is_known[:, k], k]
+        known_squared = squared[is_known[:, k], k]
         if find_metric(f"{prefix}inside_90_{horizon_s:.1f}s_share") is not None:
             headline.add_share(
-                f"{prefix}inside_90_{horizon_s:.1f}s_share", judged[np.isfinite(judged)] <= ELLIPSE_90_SQUARED_RADIUS
+                f"{prefix}inside_90_{horizon_s:.1f}s_share",
+                known_squared[np.isfinite(known_squared)] <= ELLIPSE_90_SQUARED_RADIUS,
             )
 
 

@@ -85,11 +85,11 @@ def _build_path_model_error_table(body: BodyPaths, poses: VehiclePoses, config: 
     bands: list[FloatArray] = []
     x_m, y_m = poses.at_xy_m.T
     for name, paths in paths_by_model.items():
-        placed = transform_paths_to_map(paths, x_m, y_m, poses.at_yaw_rad)
+        map_paths = transform_paths_to_map(paths, x_m, y_m, poses.at_yaw_rad)
         compared[name] = horizon_errors(
-            placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_INTERPOLATED_TRACK_GAP_S
+            map_paths, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_INTERPOLATED_TRACK_GAP_S
         )
-        bands.append(_share_inside_90_percent_band(compared[name], placed))
+        bands.append(_share_inside_90_percent_band(compared[name], map_paths))
     columns: dict[str, TableColumn] = {
         "vehicle": [EGO_ID] * (len(paths_by_model) * len(horizons)),
         **horizon_error_table(compared),
@@ -105,8 +105,8 @@ def _constant_velocity_paths(body: BodyPaths) -> Paths:
     track, t = body.observed.track, body.paths.time_s
     v, lateral = track.speed_mps[:, None], track.state[:, :1]
     x_m, y_m = v * t, lateral * t
-    turned = np.broadcast_to(side_slip_rad(lateral, v), x_m.shape)
-    return Paths(t, x_m, y_m, turned, np.hypot(v, lateral) + 0.0 * t, np.full((*x_m.shape, 3), np.nan))
+    side_slip = np.broadcast_to(side_slip_rad(lateral, v), x_m.shape)
+    return Paths(t, x_m, y_m, side_slip, np.hypot(v, lateral) + 0.0 * t, np.full((*x_m.shape, 3), np.nan))
 
 
 def _share_inside_90_percent_band(errors: HorizonErrors, placed: Paths) -> FloatArray:

@@ -44,8 +44,10 @@ def simulate_careful_driver(pair: Pair, conflict: RealConflict) -> CarefulDriver
     rows = np.flatnonzero(touches & (pair.stamp_ns >= conflict.onset_ns) & (pair.stamp_ns <= conflict.end_ns))
     at_ns = conflict.closest_ns
     if len(rows):
-        apart = np.flatnonzero(~touches[: rows[0]])  # the outlines may touch before the conflict's definition is met
-        at_ns = int(pair.stamp_ns[apart[-1] + 1 if len(apart) else 0])
+        separate_rows = np.flatnonzero(
+            ~touches[: rows[0]]
+        )  # the outlines may touch before the conflict's definition is met
+        at_ns = int(pair.stamp_ns[separate_rows[-1] + 1 if len(separate_rows) else 0])
     found = judge_preventability(pair, at_ns, {CAREFUL_DRIVER: DRIVER_MODELS[CAREFUL_DRIVER]})
     return CarefulDriverOutcome(at_ns, found[0]) if found else None
 
@@ -54,5 +56,5 @@ def add_preventable_share(headline: HeadlineCollector, real: ActualOutcomes) -> 
     """Add the share of the conflicts that the careful driver would have avoided."""
     conflicts = [(real.pairs[vehicle], each) for vehicle, found in real.conflicts.items() for each in found]
     conflicts.sort(key=lambda entry: entry[1].onset_ns)
-    judged = [simulate_careful_driver(*entry) for entry in conflicts[:MAX_JUDGED_CONFLICTS]]
-    headline.add_share("warnings.preventable_share", [each.outcome.avoided for each in judged if each is not None])
+    outcomes = [simulate_careful_driver(*entry) for entry in conflicts[:MAX_JUDGED_CONFLICTS]]
+    headline.add_share("warnings.preventable_share", [each.outcome.avoided for each in outcomes if each is not None])

@@ -14,15 +14,15 @@ from cwcli.warning.types import RemoteStateUse, WarningConfig
 
 def source_config_from_record(record: Record) -> SourceConfig:
     """Return the configuration of the channels that `estimate` read."""
-    given = read_configuration(record).get("sources")
-    given = given if isinstance(given, dict) else {}
-    topics, station = given.get("topics"), given.get("ego_station")
+    recorded = read_configuration(record).get("sources")
+    recorded = recorded if isinstance(recorded, dict) else {}
+    topics, station = recorded.get("topics"), recorded.get("ego_station")
     return SourceConfig(
         topics={str(role): str(topic) for role, topic in topics.items()} if isinstance(topics, dict) else {},
-        clock="log" if given.get("clock") == "log" else "stamp",
+        clock="log" if recorded.get("clock") == "log" else "stamp",
         ego_station=station if isinstance(station, str) else None,
-        start_ns=to_int_or_none(given.get("start_ns")),
-        end_ns=to_int_or_none(given.get("end_ns")),
+        start_ns=to_int_or_none(recorded.get("start_ns")),
+        end_ns=to_int_or_none(recorded.get("end_ns")),
     )
 
 
@@ -34,11 +34,11 @@ def find_collision_warning_record_and_is_of_targets(records: Mapping[str, Record
 
 def warning_config_from_record(record: Record) -> WarningConfig:
     """Return the configuration of `warn` with its thresholds; the defaults for what is missing or does not fit."""
-    given = read_configuration(record).get("rule")
-    given = given if isinstance(given, dict) else {}
+    recorded = read_configuration(record).get("rule")
+    recorded = recorded if isinstance(recorded, dict) else {}
     fitting: dict[str, Any] = {}
     for entry in fields(WarningConfig):
-        value = given.get(entry.name)
+        value = recorded.get(entry.name)
         if isinstance(entry.default, str):
             is_fit = isinstance(value, str) and (entry.name != "use" or value in get_args(RemoteStateUse))
         else:

@@ -55,8 +55,8 @@ def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, 
                 each for each in stamps_by_source if each[0] is not m and _goes_on(each[1], gap.start_ns, gap.end_ns)
             ]
             known = {name for other, _ in others for name in MEASURED_QUANTITIES_BY_KIND[other.kind]}
-            lost = [name for name in MEASURED_QUANTITIES_BY_KIND[m.kind] if name not in known]
-            if not lost or not others:
+            lost_quantities = [name for name in MEASURED_QUANTITIES_BY_KIND[m.kind] if name not in known]
+            if not lost_quantities or not others:
                 continue
             silence = found.setdefault(
                 (m.source, gap.start_ns, gap.end_ns),
@@ -70,7 +70,7 @@ def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, 
                     "others": {},
                 },
             )
-            silence["quantities"] += [name for name in lost if name not in silence["quantities"]]
+            silence["quantities"] += [name for name in lost_quantities if name not in silence["quantities"]]
             for other, _ in others:
                 of_topic = silence["others"].setdefault(other.source, [])
                 of_topic += [name for name in MEASURED_QUANTITIES_BY_KIND[other.kind] if name not in of_topic]

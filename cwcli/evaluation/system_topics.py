@@ -43,11 +43,11 @@ class OtherSystemTopics:
         Raises:
             UsageError: A topic is missing.
         """
-        there = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name})" for channel in log.channels))
+        topics_of_log = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name})" for channel in log.channels))
         known = {channel.topic for channel in log.channels}
         for topic in self.named_topics:
             if topic not in known:
-                raise UsageError(f"--topic {topic}: the log has no such topic", where=log.name, found=there)
+                raise UsageError(f"--topic {topic}: the log has no such topic", where=log.name, found=topics_of_log)
 
 
 def parse_other_system_options(options: Sequence[str]) -> OtherSystemTopics:

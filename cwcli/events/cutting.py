@@ -39,30 +39,35 @@ def _find_cuts(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
     """Yield cut-ins or cut-outs: from a side on the line to wholly inside the lane, or back."""
     own_changes = [(each.start_ns, each.end_ns) for each in find_lane_changes(evidence)]
     for other_id, _ in evidence.iter_pairs():
-        seen = project_on_own_path(evidence, other_id)
-        for first, last in _iter_first_and_last_crossing_row(seen, is_in=is_in):
-            place_ns = seen.passed_ns[first], seen.passed_ns[last]
+        projected = project_on_own_path(evidence, other_id)
+        for first, last in _iter_first_and_last_crossing_row(projected, is_in=is_in):
+            place_ns = projected.passed_ns[first], projected.passed_ns[last]
             if any(place_ns[0] <= end and place_ns[1] >= start for start, end in own_changes):
                 continue  # the ego left the lane there, not the other
-            gap_m = float(seen.ahead_m[last if is_in else first] - seen.half_length_m)
-            headway_s = gap_m / float(seen.ego_speed_mps[last if is_in else first])
+            gap_m = float(projected.ahead_m[last if is_in else first] - projected.half_length_m)
+            headway_s = gap_m / float(projected.ego_speed_mps[last if is_in else first])
             is_near = 0.0 <= headway_s <= MAX_HEADWAY_OF_CUT_IN_S
-            slowest_mps = min(seen.ego_speed_mps[first : last + 1].min(), seen.speed_mps[first : last + 1].min())
+            slowest_mps = min(
+                projected.ego_speed_mps[first : last + 1].min(), projected.speed_mps[first : last + 1].min()
+            )
             if is_near and slowest_mps > MIN_SPEED_OF_BOTH_VEHICLES_MPS:
-                span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
+                span = int(projected.stamp_ns[first]), int(projected.stamp_ns[last])
                 severity = severity_of(headway_s, HEADWAY_OF_SEVERITY_1_S, "low")
                 words = f"{'enters' if is_in else 'leaves'} the ego's lane {gap_m:.0f} m, {headway_s:.1f} s ahead of it"
                 yield Moment(*span, (evidence.ego_id, other_id), headway_s, severity, words=words)
 
 
-def _iter_first_and_last_crossing_row(seen: OnOwnPath, *, is_in: bool) -> Iterator[tuple[int, int]]:
+def _iter_first_and_last_crossing_row(projected: OnOwnPath, *, is_in: bool) -> Iterator[tuple[int, int]]:
     """Yield first and last row of each crossing of the lane's edge.
 
     It begins when the side nearest to the lane crosses the line, and ends when the far side does.
     """
-    off_m = np.abs(seen.left_m)
-    touches_m, inside_m = HALF_LANE_WIDTH_M + seen.half_width_m, max(HALF_LANE_WIDTH_M - seen.half_width_m, 0.3)
-    is_ahead = (seen.ahead_m > 0.0) & seen.is_same_direction
+    off_m = np.abs(projected.left_m)
+    touches_m, inside_m = (
+        HALF_LANE_WIDTH_M + projected.half_width_m,
+        max(HALF_LANE_WIDTH_M - projected.half_width_m, 0.3),
+    )
+    is_ahead = (projected.ahead_m > 0.0) & projected.is_same_direction
     zone = np.where(~is_ahead | np.isnan(off_m), -1, np.where(off_m > touches_m, 2, np.where(off_m < inside_m, 0, 1)))
     changes = np.concatenate([[0], np.flatnonzero(np.diff(zone)) + 1, [len(zone)]])
     runs = [(int(zone[a]), int(a), int(b)) for a, b in itertools.pairwise(changes) if b > a]
@@ -70,9 +75,9 @@ def _iter_first_and_last_crossing_row(seen: OnOwnPath, *, is_in: bool) -> Iterat
     for before, between, after in zip(runs, runs[1:], runs[2:], strict=False):
         if (before[0], between[0], after[0]) != (outer, 1, inner):
             continue
-        lasted_s = (seen.stamp_ns[before[2] - 1] - seen.stamp_ns[before[1]]) / NS_PER_S
-        took_s = (seen.stamp_ns[after[1]] - seen.stamp_ns[between[1]]) / NS_PER_S
-        is_one_side = np.sign(seen.left_m[between[1]]) == np.sign(seen.left_m[between[2] - 1])
+        lasted_s = (projected.stamp_ns[before[2] - 1] - projected.stamp_ns[before[1]]) / NS_PER_S
+        took_s = (projected.stamp_ns[after[1]] - projected.stamp_ns[between[1]]) / NS_PER_S
+        is_one_side = np.sign(projected.left_m[between[1]]) == np.sign(projected.left_m[between[2] - 1])
         if (
             lasted_s >= MIN_TIME_IN_OTHER_LANE_BEFORE_S
             and took_s <= MAX_DURATION_OF_LANE_ENTRY_OR_EXIT_S

@@ -212,10 +212,10 @@ def lasting_row_spans(
         min_s: Shorter stretches are left out, s.
         max_pause_s: Stretches with a shorter pause between them are one, s.
     """
-    joined: list[tuple[int, int]] = []
+    joined_spans: list[tuple[int, int]] = []
     for first, last in first_and_last_rows_of_runs(holds):
-        if joined and stamp_ns[first] - stamp_ns[joined[-1][1]] <= max_pause_s * NS_PER_S:
-            joined[-1] = joined[-1][0], last
+        if joined_spans and stamp_ns[first] - stamp_ns[joined_spans[-1][1]] <= max_pause_s * NS_PER_S:
+            joined_spans[-1] = joined_spans[-1][0], last
         else:
-            joined.append((first, last))
-    return [span for span in joined if stamp_ns[span[1]] - stamp_ns[span[0]] >= min_s * NS_PER_S]
+            joined_spans.append((first, last))
+    return [span for span in joined_spans if stamp_ns[span[1]] - stamp_ns[span[0]] >= min_s * NS_PER_S]

@@ -55,14 +55,16 @@ def _find_small_post_encroachment(evidence: EventEvidence, other_id: str, actors
     pet_s = float(stretch.evaluate_measure(MEASURES["pet"]))
     if not pet_s < MAX_PET_OF_NEAR_MISS_S or pair.host.state[closest, 2] < MIN_SPEED_IN_NEAR_MISS_MPS:
         return
-    seen = project_on_own_path(evidence, other_id)
-    is_crossing = (np.abs(np.sin(seen.turn_rad)) > np.sin(np.radians(20.0))) & (
-        np.abs(seen.left_m) < seen.half_length_m + seen.half_width_m
+    projected = project_on_own_path(evidence, other_id)
+    is_crossing = (np.abs(np.sin(projected.turn_rad)) > np.sin(np.radians(20.0))) & (
+        np.abs(projected.left_m) < projected.half_length_m + projected.half_width_m
     )
-    at = np.flatnonzero(is_crossing & (np.abs(seen.passed_ns - seen.stamp_ns) < 2 * MAX_PET_OF_NEAR_MISS_S * NS_PER_S))
+    at = np.flatnonzero(
+        is_crossing & (np.abs(projected.passed_ns - projected.stamp_ns) < 2 * MAX_PET_OF_NEAR_MISS_S * NS_PER_S)
+    )
     if not len(at):
         return
-    times = np.concatenate([seen.stamp_ns[at], seen.passed_ns[at]])
+    times = np.concatenate([projected.stamp_ns[at], projected.passed_ns[at]])
     severity = severity_of(pet_s, MAX_PET_OF_NEAR_MISS_S, "low")
     words = f"one crosses the other's way {pet_s:.1f} s after it (post-encroachment time)"
     yield Moment(int(times.min()), int(times.max()), actors, pet_s, severity, "post-encroachment", words)

@@ -21,20 +21,23 @@ SIDE_GAP_AT_SEVERITY_1_M = 1.5
 def find_overtaking(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the moments in which the ego is beside a vehicle that it passes, from its rear to its front."""
     for other_id, pair in evidence.iter_pairs():
-        seen = project_on_own_path(evidence, other_id)
-        is_beside = (np.abs(seen.ahead_m) < seen.half_length_m) & seen.is_same_direction
-        is_beside &= (np.abs(seen.left_m) < MAX_LATERAL_OFFSET_OF_SAME_ROAD_M) & (
-            seen.speed_mps > MIN_OVERTAKEN_SPEED_MPS
+        projected = project_on_own_path(evidence, other_id)
+        is_beside = (np.abs(projected.ahead_m) < projected.half_length_m) & projected.is_same_direction
+        is_beside &= (np.abs(projected.left_m) < MAX_LATERAL_OFFSET_OF_SAME_ROAD_M) & (
+            projected.speed_mps > MIN_OVERTAKEN_SPEED_MPS
         )
-        for first, last in lasting_row_spans(is_beside, seen.stamp_ns, max_pause_s=2 * PROJECTION_TIME_STEP_S):
-            before, after = seen.ahead_m[max(first - 1, 0)], seen.ahead_m[min(last + 1, len(seen.ahead_m) - 1)]
-            if not (before >= seen.half_length_m and after <= -seen.half_length_m):
+        for first, last in lasting_row_spans(is_beside, projected.stamp_ns, max_pause_s=2 * PROJECTION_TIME_STEP_S):
+            before, after = (
+                projected.ahead_m[max(first - 1, 0)],
+                projected.ahead_m[min(last + 1, len(projected.ahead_m) - 1)],
+            )
+            if not (before >= projected.half_length_m and after <= -projected.half_length_m):
                 continue
-            widths_m = 0.5 * pair.host_size[1] + seen.half_width_m
-            side_m = float(np.abs(seen.left_m[first : last + 1]).min() - widths_m)
+            widths_m = 0.5 * pair.host_size[1] + projected.half_width_m
+            side_m = float(np.abs(projected.left_m[first : last + 1]).min() - widths_m)
             if side_m <= 0.0:
                 continue  # the outlines overlap: the states say that the ego drove through it
-            span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
+            span = int(projected.stamp_ns[first]), int(projected.stamp_ns[last])
             severity = severity_of(side_m, SIDE_GAP_AT_SEVERITY_1_M, "low")
             words = f"the ego passes it with {side_m:.1f} m between the sides"
             yield Moment(*span, (evidence.ego_id, other_id), side_m, severity, words=words)

@@ -28,28 +28,30 @@ MIN_CROSSING_SPEED_MPS = 1.0
 def find_turns_across(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the moments in which another vehicle turns across the ego's way, from its first to its last touch of it."""
     for other_id, _ in evidence.iter_pairs():
-        seen = project_on_own_path(evidence, other_id)
-        turn_rad = np.unwrap(np.where(np.isnan(seen.turn_rad), 0.0, seen.turn_rad))
-        known = np.isfinite(seen.left_m)
+        projected = project_on_own_path(evidence, other_id)
+        turn_rad = np.unwrap(np.where(np.isnan(projected.turn_rad), 0.0, projected.turn_rad))
+        known = np.isfinite(projected.left_m)
         both = known[:-1] & known[1:]
-        sign = np.sign(seen.left_m)
-        angle_rad = np.abs(np.sin(seen.turn_rad))
+        sign = np.sign(projected.left_m)
+        angle_rad = np.abs(np.sin(projected.turn_rad))
         crossed = both & (sign[:-1] != sign[1:]) & (angle_rad[:-1] > np.sin(MIN_CROSSING_ANGLE_RAD))
         for row in np.flatnonzero(crossed).tolist():
-            gap_s = float(seen.passed_ns[row] - seen.stamp_ns[row]) / NS_PER_S
-            around = known & (np.abs(seen.stamp_ns - seen.stamp_ns[row]) <= TURN_COUNTED_AROUND_CROSSING_S * NS_PER_S)
+            gap_s = float(projected.passed_ns[row] - projected.stamp_ns[row]) / NS_PER_S
+            around = known & (
+                np.abs(projected.stamp_ns - projected.stamp_ns[row]) <= TURN_COUNTED_AROUND_CROSSING_S * NS_PER_S
+            )
             turned_rad = float(np.ptp(turn_rad[around]))
             if (
                 abs(gap_s) > MAX_TIME_UNTIL_EGO_AT_CROSSING_S
                 or turned_rad < MIN_TURN_RAD
-                or seen.speed_mps[row] < MIN_CROSSING_SPEED_MPS
+                or projected.speed_mps[row] < MIN_CROSSING_SPEED_MPS
             ):
                 continue
-            inside = known & (np.abs(seen.left_m) < HALF_LANE_WIDTH_M + seen.half_width_m)
+            inside = known & (np.abs(projected.left_m) < HALF_LANE_WIDTH_M + projected.half_width_m)
             outside = np.flatnonzero(~inside)
             first = int(outside[outside < row][-1]) + 1 if (outside < row).any() else 0
             last = int(outside[outside > row][0]) - 1 if (outside > row).any() else len(inside) - 1
-            span = int(seen.stamp_ns[first]), int(seen.stamp_ns[last])
+            span = int(projected.stamp_ns[first]), int(projected.stamp_ns[last])
             severity = severity_of(abs(gap_s), TIME_GAP_OF_SEVERITY_1_S, "low")
             words = f"turns across the ego's way; {abs(gap_s):.1f} s between both at that place"
             yield Moment(*span, (evidence.ego_id, other_id), abs(gap_s), severity, words=words)

@@ -33,8 +33,8 @@ def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterat
         kind, lead_s, closest_m = NO_VERDICT, np.nan, np.nan
         if outcomes is not None and warning.other_id in outcomes.pairs:
             conflicts, pair = outcomes.conflicts[warning.other_id], outcomes.pairs[warning.other_id]
-            judged = judge_warning(warning.raised_ns, warning.last_ns, conflicts, pair, outcomes.config)
-            kind, lead_s, closest_m = judged.kind, judged.lead_time_s, judged.closest_m
+            outcome = judge_warning(warning.raised_ns, warning.last_ns, conflicts, pair, outcomes.config)
+            kind, lead_s, closest_m = outcome.kind, outcome.lead_time_s, outcome.closest_m
         if verdict in (None, kind):
             threshold_m = 2.5 if outcomes is None else outcomes.config.distance_m
             severity = severity_of(closest_m, threshold_m, "low") if np.isfinite(closest_m) else 1.0

@@ -67,8 +67,10 @@ EXPORT_CONTENTS = {
 
 def content_names_of_ego_and_others(log: Log) -> list[str]:
     """Names of the contents of the ego and of all other vehicles that the log holds; at least the ego's."""
-    there = {channel.topic for channel in log.channels if channel.message_count}
-    return [what for what in EGO_AND_OTHERS if EXPORT_CONTENTS[what].channel.topic in there] or [EGO_AND_OTHERS[0]]
+    topics_of_log = {channel.topic for channel in log.channels if channel.message_count}
+    return [what for what in EGO_AND_OTHERS if EXPORT_CONTENTS[what].channel.topic in topics_of_log] or [
+        EGO_AND_OTHERS[0]
+    ]
 
 
 def require_content_in_log(log: Log, what: str) -> None:
@@ -77,17 +79,19 @@ def require_content_in_log(log: Log, what: str) -> None:
     Raises:
         MissingSignalError: It does not; the error names what the log holds.
     """
-    there = {channel.topic for channel in log.channels}
+    topics_of_log = {channel.topic for channel in log.channels}
     channel = EXPORT_CONTENTS[what].channel
-    if channel.topic in there:
+    if channel.topic in topics_of_log:
         return
-    held = tuple(
-        f"{name} ({each.channel.topic})" for name, each in EXPORT_CONTENTS.items() if each.channel.topic in there
+    contents_of_log = tuple(
+        f"{name} ({each.channel.topic})"
+        for name, each in EXPORT_CONTENTS.items()
+        if each.channel.topic in topics_of_log
     )
     raise MissingSignalError(
         f"no channel {channel.topic}: there is no `{what}` to export",
         where=log.name,
-        found=held or ("no channel of cwcli",),
+        found=contents_of_log or ("no channel of cwcli",),
         hint=f"`cwcli {channel.stage} LOG -o annotated.mcap` makes it",
     )
 

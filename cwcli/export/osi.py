@@ -114,10 +114,10 @@ def _unique_numeric_ids(tracks: Sequence[Track]) -> list[int]:
 def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> Repeated:
     """Make the moving objects of each message, in the order of the tracks."""
     parts = [_interpolate_states(track, at_ns) for track in tracks]
-    there = [np.isfinite(part[:, :4]).all(axis=1) for part in parts]
-    row = np.concatenate([np.flatnonzero(is_there) for is_there in there])
-    owner = np.repeat(np.arange(len(tracks)), [np.count_nonzero(is_there) for is_there in there])
-    state = np.concatenate([part[is_there] for part, is_there in zip(parts, there, strict=True)])
+    is_known_by_part = [np.isfinite(part[:, :4]).all(axis=1) for part in parts]
+    row = np.concatenate([np.flatnonzero(is_there) for is_there in is_known_by_part])
+    owner = np.repeat(np.arange(len(tracks)), [np.count_nonzero(is_there) for is_there in is_known_by_part])
+    state = np.concatenate([part[is_there] for part, is_there in zip(parts, is_known_by_part, strict=True)])
     order = np.lexsort((owner, row))
     row, owner, state = row[order], owner[order], state[order]
     x_m, y_m, speed, yaw_rad, accel, yaw_rate = state.T

@@ -49,12 +49,12 @@ def show_in_viewer(log: Log, path: str) -> None:
     Raises:
         MissingSignalError: The log holds no states.
     """
-    there = _require_states_and_get_topics(log)
+    topics_of_log = _require_states_and_get_topics(log)
     import rerun as rr
 
     recording = rr.RecordingStream("cwcli")
     recording.spawn(default_blueprint=_make_blueprint())
-    _send_log(recording, log, path, there)
+    _send_log(recording, log, path, topics_of_log)
     recording.flush()
     recording.disconnect()
 
@@ -70,24 +70,24 @@ def encode_recording(log: Log, path: str) -> bytes:
     Raises:
         MissingSignalError: The log holds no states.
     """
-    there = _require_states_and_get_topics(log)
+    topics_of_log = _require_states_and_get_topics(log)
     import rerun as rr
 
     recording = rr.RecordingStream("cwcli")
     memory = recording.memory_recording()
     recording.send_blueprint(_make_blueprint(), make_active=False)
-    _send_log(recording, log, path, there)
+    _send_log(recording, log, path, topics_of_log)
     return bytes(memory.drain_as_bytes())
 
 
 def _require_states_and_get_topics(log: Log) -> set[str]:
-    there = {channel.topic for channel in log.channels}
-    if not there & {EGO_STATE.topic, REMOTE_STATE.topic}:
+    topics_of_log = {channel.topic for channel in log.channels}
+    if not topics_of_log & {EGO_STATE.topic, REMOTE_STATE.topic}:
         raise MissingSignalError("the log holds no states", where=log.name, hint="run `cwcli run` first")
-    return there
+    return topics_of_log
 
 
-def _send_log(recording: Any, log: Log, path: str, there: Container[str]) -> None:
+def _send_log(recording: Any, log: Log, path: str, topics_of_log: Container[str]) -> None:
     """Send the log's file, speeds and paths to a recording."""
     import rerun as rr
 
@@ -96,10 +96,10 @@ def _send_log(recording: Any, log: Log, path: str, there: Container[str]) -> Non
     recording.log("/", rr.CoordinateFrame(MAP_FRAME), static=True)
     recording.log(EGO_POSE.topic, rr.TransformAxes3D(5), static=True)
     for channel in (EGO_STATE, REMOTE_STATE):
-        if channel.topic in there:
+        if channel.topic in topics_of_log:
             _send_speeds(recording, log, channel.topic)
     for channel in (EGO_PATH, REMOTE_PATH):
-        if channel.topic in there:
+        if channel.topic in topics_of_log:
             _send_paths(recording, log, channel.topic)
 
 

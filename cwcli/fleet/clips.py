@@ -49,7 +49,7 @@ def write_clips(
         InputError: A log is damaged.
     """
     make_folder(folder)
-    written: dict[str, str] = {}
+    file_by_event: dict[str, str] = {}
     by_log: dict[str, list[FoundEvent]] = {}
     for event in found:
         by_log.setdefault(event.log, []).append(event)
@@ -58,10 +58,10 @@ def write_clips(
         with open_log(paths[name]) as log:
             for event in events:
                 target = Path(folder) / clip_file_name(event)
-                step(len(written), target.name)
+                step(len(file_by_event), target.name)
                 span = CutSpan(
                     max(event.moment.start_ns - margin_ns, 0), min(event.moment.end_ns + margin_ns, MAX_LOG_TIME_NS)
                 )
                 cut_log(log, span, target, force=force)
-                written[event.id] = str(target)
-    return written
+                file_by_event[event.id] = str(target)
+    return file_by_event

@@ -184,9 +184,9 @@ def read_output_folder(out: Path) -> RecordedRun | None:
         listed = [{"id": name} for name in iter_recorded_log_ids(out)]
         if not listed:
             return None
-    given = {each["id"]: each for each in listed if isinstance(each, dict) and isinstance(each.get("id"), str)}
+    entry_by_id = {each["id"]: each for each in listed if isinstance(each, dict) and isinstance(each.get("id"), str)}
     logs = []
-    for name, entry in sorted(given.items()):
+    for name, entry in sorted(entry_by_id.items()):
         is_plain = name not in {"", ".", ".."} and not set(name) & {"/", "\\", "\0"}
         folder = LogOutputs(out, name) if is_plain else None
         if folder is not None:

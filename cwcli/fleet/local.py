@@ -89,7 +89,7 @@ class _WorkerPool:
         """
         for attempt in range(1, MAX_ATTEMPTS_AT_LOG + 1):
             try:
-                done: TaskResult = self._worker_of_thread().call_function(self._do, task, self._plan)
+                task_result: TaskResult = self._worker_of_thread().call_function(self._do, task, self._plan)
             except WorkerLost:
                 self._dismiss_worker()
                 if self._is_stopping:
@@ -98,7 +98,7 @@ class _WorkerPool:
                 self._mine.n_done += 1
                 if self._mine.n_done >= LOGS_PER_WORKER:
                     self._dismiss_worker()
-                return replace(done, attempts=attempt)
+                return replace(task_result, attempts=attempt)
         raise WorkerDied
 
     def stop_workers(self) -> None:

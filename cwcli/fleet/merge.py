@@ -139,8 +139,8 @@ def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int,
             n_copied += _merge_log_and_tell_if_new(LogOutputs(source, name), LogOutputs(target, name), entry)
             report(k + 1, len(entries))
         rows = {each.path: MergedRows(each.path) for each in shards}
-        done = {name: rows[path] for name, (path, entry) in entries.items() if entry["status"] == "done"}
-        tables = write_tables(target, done, manifest["run_id"])
+        rows_of_done_logs = {name: rows[path] for name, (path, entry) in entries.items() if entry["status"] == "done"}
+        tables = write_tables(target, rows_of_done_logs, manifest["run_id"])
         write_json_object(_merge_run_times(shards), target / RUN_TIMES_NAME)
         whole = [entry for _, entry in entries.values()]
         write_json_object({**manifest, TABLES_KEY: tables, "logs": whole}, target / MANIFEST_NAME, durable=True)

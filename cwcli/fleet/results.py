@@ -203,8 +203,8 @@ class MetricsOfRun:
         """
         staged = folder.staged_tables_path
         if staged.is_file():
-            wanted = [each for each in list_staged_tables(staged) if each.name == METRICS_TABLE]
-            for _, table in iter_staged_tables(staged, wanted):
+            metrics_tables = [each for each in list_staged_tables(staged) if each.name == METRICS_TABLE]
+            for _, table in iter_staged_tables(staged, metrics_tables):
                 return _checked_metric_rows_by_name(_table_from_arrow(table, staged), staged)
         if self._rows is None and self._error is None:
             try:

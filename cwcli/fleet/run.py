@@ -182,16 +182,18 @@ def _run_into_folder(
         try:
             with closing(run_tasks(current, to_read)) as ended:
                 for task, answer in ended:
-                    done = _record_failed_log_of_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
-                    statuses[task.id] = done.status
-                    entry = index.entries.get(task.id) if not done.attempts else None
+                    task_result = (
+                        _record_failed_log_of_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
+                    )
+                    statuses[task.id] = task_result.status
+                    entry = index.entries.get(task.id) if not task_result.attempts else None
                     entry = entry or LogOutputs(folder, task.id).read_entry()
                     if entry is not None:
                         entries[task.id] = entry
-                    if done.input_state is not None:
-                        states[task.id] = done.input_state
-                    times[task.id] = _run_time_document(done)
-                    report(task, done.status, len(statuses), len(tasks))
+                    if task_result.input_state is not None:
+                        states[task.id] = task_result.input_state
+                    times[task.id] = _run_time_document(task_result)
+                    report(task, task_result.status, len(statuses), len(tasks))
             tables = _write_tables_of_run(folder, entries, plan)
         finally:
             shutil.rmtree(folder / SCRATCH_FOLDER, ignore_errors=True)
@@ -210,14 +212,14 @@ def _absolute_output_folder(out: str | Path) -> Path:
     return Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
 
 
-def _run_time_document(done: TaskResult) -> Document:
+def _run_time_document(task_result: TaskResult) -> Document:
     """Make a log's part of `run_times.json`."""
     return {
-        "status": done.status,
-        "wall_s": round(done.wall_s, 4),
-        "cpu_s": round(done.cpu_s, 4),
-        "peak_mb": round(done.peak_mb, 1),
-        "attempts": done.attempts,
+        "status": task_result.status,
+        "wall_s": round(task_result.wall_s, 4),
+        "cpu_s": round(task_result.cpu_s, 4),
+        "peak_mb": round(task_result.peak_mb, 1),
+        "attempts": task_result.attempts,
     }
 
 

@@ -94,10 +94,10 @@ def import_files(
         n_files=MAX_OPEN_FILES,
         has_threads=True,
     )
-    given = {each.name: getattr(answers, each.name) for each in fields(answers)}
+    answer_by_name = {each.name: getattr(answers, each.name) for each in fields(answers)}
     request: dict[str, Any] = {
         "files": list(files),
-        "answers": given | {"columns": [[*key, *value] for key, value in answers.columns.items()]},
+        "answers": answer_by_name | {"columns": [[*key, *value] for key, value in answers.columns.items()]},
         "target": target,
         "force": force,
         "stdout": None,
@@ -136,9 +136,9 @@ def import_requested_files_in_own_process(request: dict[str, Any]) -> dict[str, 
         os.dup2(request["stdout"], 1)
     bound_array_memory_and_get_old_handler()
     report = ShareReport(request["progress"], READING_SHARE if request["target"] is not None else 1.0)
-    given = request["answers"]
-    columns = {(table, quantity): (column, unit) for table, quantity, column, unit in given["columns"]}
-    answers = Answers(**{**given, "columns": columns, "dbc": tuple(given["dbc"])})
+    requested_answers = request["answers"]
+    columns = {(table, quantity): (column, unit) for table, quantity, column, unit in requested_answers["columns"]}
+    answers = Answers(**{**requested_answers, "columns": columns, "dbc": tuple(requested_answers["dbc"])})
     with ExitStack() as opened:
         names = dict.fromkeys((*request["files"], *answers.dbc, answers.frame_times))
         inputs = [opened.enter_context(InputFile.open(name)) for name in names if Path(name).is_file()]

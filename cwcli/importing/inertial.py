@@ -327,17 +327,17 @@ def _turn_rotation_forward_and_tell_if_known(
     along = _forward_left_accelerations_of_track_or_nan(track)
     middle = track.span_middles_ns
     spans = TrackSpans(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
-    seen = mean_over_spans(spans, meaning.stamp_ns, level[:, 0]) + 1j * mean_over_spans(
+    mean_level_accel = mean_over_spans(spans, meaning.stamp_ns, level[:, 0]) + 1j * mean_over_spans(
         spans, meaning.stamp_ns, level[:, 1]
     )
-    use = np.isfinite(along) & np.isfinite(seen)
+    use = np.isfinite(along) & np.isfinite(mean_level_accel)
     if np.count_nonzero(use) < 10:
         return rotation, knows_forward
-    along, seen = along[use] - along[use].mean(), seen[use] - seen[use].mean()
-    both = complex((along * np.conj(seen)).sum())
-    strength = float(np.sqrt((np.abs(along) ** 2).sum() * (np.abs(seen) ** 2).sum()))
+    along, mean_level_accel = along[use] - along[use].mean(), mean_level_accel[use] - mean_level_accel[use].mean()
+    both = complex((along * np.conj(mean_level_accel)).sum())
+    strength = float(np.sqrt((np.abs(along) ** 2).sum() * (np.abs(mean_level_accel) ** 2).sum()))
     if strength <= 0 or abs(both) < MIN_CORRELATION_TO_SHOW_AXIS * strength:
-        is_shown = min(np.abs(along).std(), np.abs(seen).std()) > MIN_ACCEL_SCATTER_TO_REFUTE_AXES_MPS2
+        is_shown = min(np.abs(along).std(), np.abs(mean_level_accel).std()) > MIN_ACCEL_SCATTER_TO_REFUTE_AXES_MPS2
         return rotation, knows_forward and not is_shown
     angle = float(np.angle(both))
     if knows_forward and abs(angle) < MIN_CORRECTED_MOUNTING_YAW_RAD:

@@ -83,18 +83,18 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
     found: dict[str, list[str]] = {}
     quantity_of_column: dict[str, str] = {}
     for quantity in QUANTITIES:
-        given = answers.column_and_unit_for(table, quantity)
-        if given is not None:
-            if given[0] and given[0] not in table.columns:
+        column_and_unit = answers.column_and_unit_for(table, quantity)
+        if column_and_unit is not None:
+            if column_and_unit[0] and column_and_unit[0] not in table.columns:
                 raise DataError(
-                    f"there is no column {given[0]!r}",
+                    f"there is no column {column_and_unit[0]!r}",
                     where=table.name,
                     found=table.columns,
                     hint="--column QUANTITY=COLUMN",
                 )
-            found[quantity] = [given[0]] if given[0] else []
-            if given[0]:
-                quantity_of_column[given[0]] = quantity
+            found[quantity] = [column_and_unit[0]] if column_and_unit[0] else []
+            if column_and_unit[0]:
+                quantity_of_column[column_and_unit[0]] = quantity
     for column in table.columns:
         if column in quantity_of_column:
             continue
@@ -143,22 +143,22 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         candidates = candidate_columns_by_quantity(table, answers)
     if candidates and "time" not in candidates and "date" not in candidates:
         candidates |= _date_columns_as_times_by_quantity(table) or _epoch_columns_as_times_by_quantity(table)
-    wanted = list(dict.fromkeys(column for columns in candidates.values() for column in columns))
-    loaded = LoadedTable(table, candidates, unused=tuple(name for name in table.columns if name not in wanted))
-    if not wanted:
+    columns_to_load = list(dict.fromkeys(column for columns in candidates.values() for column in columns))
+    loaded = LoadedTable(table, candidates, unused=tuple(name for name in table.columns if name not in columns_to_load))
+    if not columns_to_load:
         return loaded
-    of_column = {column: [q for q, columns in candidates.items() if column in columns] for column in wanted}
-    pieces: dict[str, list[Any]] = {column: [] for column in wanted}
+    of_column = {column: [q for q, columns in candidates.items() if column in columns] for column in columns_to_load}
+    pieces: dict[str, list[Any]] = {column: [] for column in columns_to_load}
     decimals: dict[str, str] = {}
-    bad = dict.fromkeys(wanted, 0)
+    bad = dict.fromkeys(columns_to_load, 0)
     how: dict[str, str] = {}
     cell_units: dict[str, str] = {}
-    for batch in table.read_batches(wanted):
+    for batch in table.read_batches(columns_to_load):
         n = len(next(iter(batch.values())))
         if n and not loaded.n_rows and not answers.decimal:
             _ask_about_thousands_separators(batch, table)
         loaded.n_rows += n
-        for column in wanted:
+        for column in columns_to_load:
             array = batch[column]
             if column not in how and n:
                 cell_units[column] = (
@@ -174,7 +174,7 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
             if n:
                 bad[column] += _append_cells_and_count_bad(pieces[column], array, how[column], decimals[column])
                 _join_last_pieces(pieces[column], how[column])
-    for column in wanted:
+    for column in columns_to_load:
         _store_finished_column(loaded, column, how.get(column, "numbers"), pieces[column])
     given_units = {column: unit for column, unit in cell_units.items() if unit}
     loaded.source = replace(table, units={**given_units, **table.units})
@@ -314,12 +314,12 @@ def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Ans
             loaded.source.notes.append(f"{column}: {n_bad} cells are no numbers and are left out")
             continue
         quantities = [quantity for quantity, columns in loaded.candidates.items() if column in columns]
-        given = [name for name in quantities if answers.column_and_unit_for(loaded.source, name)]
-        if given:
+        named_by_user = [name for name in quantities if answers.column_and_unit_for(loaded.source, name)]
+        if named_by_user:
             raise DataError(
                 f"{n_bad} of {n_given} cells of {column!r} are no numbers",
                 where=loaded.source.name,
-                hint=f"--column {given[0]}=NAME names another column",
+                hint=f"--column {named_by_user[0]}=NAME names another column",
             )
         if any(quantity in {"latitude", "longitude"} for quantity in quantities):
             raise DataError(

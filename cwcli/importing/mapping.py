@@ -113,9 +113,9 @@ def _parse_columns_to_column_and_unit(table: Any, path: str) -> dict[tuple[str, 
 
 def merge_answers(base: Answers, more: Answers) -> Answers:
     """Return answers of a mapping file with those of the options, which win."""
-    given = {field.name: getattr(more, field.name) for field in fields(Answers) if getattr(more, field.name)}
-    given["columns"] = {**base.columns, **more.columns}
-    return replace(base, **given)
+    answer_by_name = {field.name: getattr(more, field.name) for field in fields(Answers) if getattr(more, field.name)}
+    answer_by_name["columns"] = {**base.columns, **more.columns}
+    return replace(base, **answer_by_name)
 
 
 def format_mapping(answers: Answers, tables: Sequence[tuple[str, Sequence[Guess]]]) -> str:

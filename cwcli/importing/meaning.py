@@ -105,10 +105,14 @@ class Meaning:
     def stated_unit(self, quantity: str, column: str) -> UnitChoice:
         """Return the unit of a column that the user, the format or the header states; "" where nothing does."""
         kind, said = QUANTITIES[quantity].kind, "the header says it"
-        given = self.answers.column_and_unit_for(self.table.source, quantity)
-        if given is not None and given[0] == column:
-            unit = given[1] or unit_of_name(column, kind) or find_unit(self.table.source.units.get(column, ""), kind)
-            return UnitChoice(unit, "given", "as you said") if given[1] else UnitChoice(unit, "certain", said)
+        column_and_unit = self.answers.column_and_unit_for(self.table.source, quantity)
+        if column_and_unit is not None and column_and_unit[0] == column:
+            unit = (
+                column_and_unit[1]
+                or unit_of_name(column, kind)
+                or find_unit(self.table.source.units.get(column, ""), kind)
+            )
+            return UnitChoice(unit, "given", "as you said") if column_and_unit[1] else UnitChoice(unit, "certain", said)
         preset = self.table.source.presets.get(column)
         if preset is not None and preset.unit:
             return UnitChoice(preset.unit, "certain", f"{self.table.source.kind} files have it so")

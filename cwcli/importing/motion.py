@@ -95,8 +95,8 @@ def spans_of_map_points(stamp_ns: Int64Array, x_m: FloatArray, y_m: FloatArray) 
     stamps, x, y = stamp_ns[order], x_m[order], y_m[order]
     changed = np.concatenate([[True], (np.diff(x) != 0) | (np.diff(y) != 0)])
     if np.count_nonzero(changed) > 2:  # a value that is held is no new position
-        held = np.concatenate([[False], np.diff(stamps) < MIN_TIME_BETWEEN_SPAN_POSITIONS_S * NS_PER_S])
-        is_new_place = changed | ~held
+        is_too_soon = np.concatenate([[False], np.diff(stamps) < MIN_TIME_BETWEEN_SPAN_POSITIONS_S * NS_PER_S])
+        is_new_place = changed | ~is_too_soon
         stamps, x, y = stamps[is_new_place], x[is_new_place], y[is_new_place]
     if len(stamps) < 3:
         return None
@@ -121,21 +121,21 @@ def first_rows_of_intervals(stamp_ns: Int64Array, length_s: float) -> Int64Array
 def mean_over_spans(track: TrackSpans, stamp_ns: Int64Array, values: FloatArray) -> FloatArray:
     """Return the mean of a column over each span (m,), NaN for a span without rows: trapezes between the rows."""
     finite = np.isfinite(values)
-    stamps, given = stamp_ns[finite], values[finite]
+    stamps, finite_values = stamp_ns[finite], values[finite]
     if len(stamps) < 2:
         return np.full(len(track.start_ns), np.nan)
     order = np.argsort(stamps, kind="stable")
-    stamps, given = stamps[order], given[order]
+    stamps, finite_values = stamps[order], finite_values[order]
     time_s = (stamps - stamps[0]) / NS_PER_S
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (given[1:] + given[:-1]) * np.diff(time_s))])
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (finite_values[1:] + finite_values[:-1]) * np.diff(time_s))])
     start_s, end_s = (track.start_ns - stamps[0]) / NS_PER_S, (track.end_ns - stamps[0]) / NS_PER_S
 
     def area_until(at_s: FloatArray) -> FloatArray:
         row = np.clip(np.searchsorted(time_s, at_s) - 1, 0, len(time_s) - 2)
         step = np.maximum(time_s[row + 1] - time_s[row], 1e-12)
         inside = at_s - time_s[row]
-        slope = (given[row + 1] - given[row]) / step
-        return np.asarray(area[row] + given[row] * inside + 0.5 * slope * inside**2)
+        slope = (finite_values[row + 1] - finite_values[row]) / step
+        return np.asarray(area[row] + finite_values[row] * inside + 0.5 * slope * inside**2)
 
     mean = (area_until(end_s) - area_until(start_s)) / (end_s - start_s)
     outside = (start_s < time_s[0] - 0.5) | (end_s > time_s[-1] + 0.5)
@@ -200,14 +200,14 @@ def turn_rate_units_per_radps_and_correlation(
     use = neighbours & np.isfinite(rate)
     if np.count_nonzero(use) < 10:
         return nothing
-    turned = change[use] / between.span_durations_s[use]
-    if np.abs(turned * between.span_durations_s[use]).sum() < 0.7:  # 40 degrees in all
+    course_rate = change[use] / between.span_durations_s[use]
+    if np.abs(course_rate * between.span_durations_s[use]).sum() < 0.7:  # 40 degrees in all
         return nothing
-    given = rate[use] - np.median(rate[use])
-    turned = turned - np.median(turned)
-    scale = float((turned * turned).sum())
-    strength = float(np.sqrt(scale * (given * given).sum()))
+    measured_rate = rate[use] - np.median(rate[use])
+    course_rate = course_rate - np.median(course_rate)
+    scale = float((course_rate * course_rate).sum())
+    strength = float(np.sqrt(scale * (measured_rate * measured_rate).sum()))
     if scale <= 0 or strength <= 0:
         return nothing
-    both = float((turned * given).sum())
+    both = float((course_rate * measured_rate).sum())
     return both / scale, both / strength

@@ -307,23 +307,27 @@ def unit_of_name(name: str, kind: str) -> str:
 
 
 def _do_words_name_quantity(words: tuple[str, ...], quantity: str) -> bool:
-    wanted = QUANTITIES[quantity]
+    quantity_words = QUANTITIES[quantity]
     axis = quantity[-1] if quantity.startswith(("accel_", "gyro_")) else ""
     if axis:
         axes = [_AXIS_WORDS[word] for word in words if word in _AXIS_WORDS]
         joined = [
             word
             for word in words
-            if word in wanted.nouns and len(word) <= 6 and word.endswith(axis) and word not in {"gyro"}
+            if word in quantity_words.nouns and len(word) <= 6 and word.endswith(axis) and word not in {"gyro"}
         ]
         if axes and axes != [axis]:
             return False
         if not axes and not joined:
             return False
         words = tuple(word for word in words if word not in _AXIS_WORDS)
-    nouns = [word for word in words if word in wanted.nouns]
-    others = [word for word in words if word not in wanted.nouns and not (nouns and find_unit(word, wanted.kind))]
+    nouns = [word for word in words if word in quantity_words.nouns]
+    others = [
+        word
+        for word in words
+        if word not in quantity_words.nouns and not (nouns and find_unit(word, quantity_words.kind))
+    ]
     if quantity == "time":
-        return bool(nouns) and all(word in wanted.beside for word in others)
+        return bool(nouns) and all(word in quantity_words.beside for word in others)
     is_noun_there = bool(nouns) if axis else len(nouns) == 1  # `accelerometerAccelerationX`
-    return is_noun_there and all(word in wanted.beside for word in others)
+    return is_noun_there and all(word in quantity_words.beside for word in others)

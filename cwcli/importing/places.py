@@ -61,11 +61,11 @@ def keep_rows_of_one_vehicle(meaning: Meaning) -> None:
         present = [names[code] for code in np.unique(codes)]
         if len(present) < 2 or len(present) > 0.5 * len(codes):
             continue
-        wanted = meaning.answers.vehicle
-        if wanted in present:
-            keep = codes == names.index(wanted)
+        wanted_vehicle = meaning.answers.vehicle
+        if wanted_vehicle in present:
+            keep = codes == names.index(wanted_vehicle)
             meaning.rows, meaning.stamp_ns = meaning.rows[keep], meaning.stamp_ns[keep]
-            meaning.notes.append(f"only the rows with {column} {wanted}, of {len(present)}")
+            meaning.notes.append(f"only the rows with {column} {wanted_vehicle}, of {len(present)}")
         else:
             shown = ", ".join(present[:10]) + (f" and {len(present) - 10} more" if len(present) > 10 else "")
             meaning.add_question(f"{column!r} names {len(present)} vehicles: {shown}", f"--id {present[0]}")
@@ -75,8 +75,8 @@ def find_positions_and_track(meaning: Meaning) -> None:
     """Find latitude and longitude, else x and y; and the track of both."""
     latitude, longitude = meaning.choose_column_or_ask("latitude"), meaning.choose_column_or_ask("longitude")
     if (latitude is None) != (longitude is None) and not meaning.questions:
-        alone = latitude or longitude
-        meaning.add_question(f"{alone!r} has no companion", "--column latitude=NAME --column longitude=NAME")
+        single_column = latitude or longitude
+        meaning.add_question(f"{single_column!r} has no companion", "--column latitude=NAME --column longitude=NAME")
         return
     if latitude is not None and longitude is not None:
         _find_geographic_positions(meaning, latitude, longitude)

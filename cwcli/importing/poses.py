@@ -45,8 +45,8 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
         for axis in "xyzw":
             del values[f"quaternion_{axis}"]
         return
-    turned = rotation @ body_from_sensor.T
-    world = _rotation_of_world_to_mean_vertical_or_none(turned)
+    turned_rotation = rotation @ body_from_sensor.T
+    world = _rotation_of_world_to_mean_vertical_or_none(turned_rotation)
     if world is None:
         meaning.add_question(
             "the body's vertical is along no axis of the world", "--axes FORWARD,UP names the body's axes: x,z or z,-y"
@@ -56,9 +56,9 @@ def rotate_poses_into_car_axes(meaning: Meaning) -> None:
         meaning.notes.append("the world has another axis up: positions are turned so that z is up")
         place = place @ world.T
         values["x"], values["y"], values["z"] = place.T
-        turned = world @ turned
+        turned_rotation = world @ turned_rotation
     if not np.array_equal(body_from_sensor, np.eye(3)) or not np.array_equal(world, np.eye(3)):
-        quaternions = xyzw_quaternions_of_rotations(turned)
+        quaternions = xyzw_quaternions_of_rotations(turned_rotation)
         for k, axis in enumerate("xyzw"):
             values[f"quaternion_{axis}"] = quaternions[:, k]
         meaning.track = spans_of_map_points(meaning.stamp_ns, values["x"], values["y"])
@@ -68,9 +68,9 @@ def _body_from_sensor_and_if_orientation_usable(
     meaning: Meaning, place: FloatArray, rotation: FloatArray
 ) -> tuple[FloatArray, bool] | None:
     """Return the rotation from the sensor's axes to the car's, and whether the orientation can be used."""
-    given = car_from_sensor_rotation_by_user_or_none(meaning)
-    if given is not None or meaning.questions:
-        return None if given is None else (given, True)
+    rotation_by_user = car_from_sensor_rotation_by_user_or_none(meaning)
+    if rotation_by_user is not None or meaning.questions:
+        return None if rotation_by_user is None else (rotation_by_user, True)
     ways = _unit_motion_directions_in_body(meaning, place, rotation)
     if len(ways) < MIN_STEPS_TO_SHOW_AXES:
         if np.allclose(rotation, np.eye(3), atol=1e-9):

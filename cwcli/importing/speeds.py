@@ -276,8 +276,8 @@ def _add_question_if_swap_fits_as_well(meaning: Meaning, quantity: str, column: 
 
 def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) -> tuple[str, str, str, str]:
     """Return unit, sense, confidence and reason, "" for what neither user, format nor header says."""
-    given = meaning.answers.column_and_unit_for(meaning.table.source, quantity)
-    text = given[1] if given is not None and given[0] == column else ""
+    column_and_unit = meaning.answers.column_and_unit_for(meaning.table.source, quantity)
+    text = column_and_unit[1] if column_and_unit is not None and column_and_unit[0] == column else ""
     confidence, why = ("given", "as you said") if text else ("certain", "the format says it")
     if not text:
         preset = meaning.table.source.presets.get(column)

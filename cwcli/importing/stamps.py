@@ -113,13 +113,13 @@ def interpret_times_of_table(table: LoadedTable, answers: Answers) -> Meaning:
             found=table.source.columns[:30],
             hint=f"--column time=NAME, one of {names}",
         )
-    given = answers.column_and_unit_for(table.source, "time")
+    column_and_unit = answers.column_and_unit_for(table.source, "time")
     coarse: list[TimeCandidate] = []
-    if given is None:
+    if column_and_unit is None:
         coarse = [each for each in candidates if not _does_time_advance(each)]
         candidates = [each for each in candidates if _does_time_advance(each)] or candidates
     best = min(candidates, key=lambda each: RANKS.index(each.rank))
-    if given is None:
+    if column_and_unit is None:
         best = _prefer_candidate_without_question(candidates, best)
         rivals = [each for each in candidates if each.rank == best.rank and each is not best and each.question is None]
         for rival in rivals:
@@ -254,10 +254,10 @@ def _date_column_with_clock_column_candidate(
     if clock is None:
         return None
     other = table.text_times[clock]
-    joined = TextTimes(times.parts, other.ns_of_day, other.offset_s, times.valid & other.valid, times.mark)
-    n_midnights = _midnights_that_date_ignores(joined)
+    date_and_clock = TextTimes(times.parts, other.ns_of_day, other.offset_s, times.valid & other.valid, times.mark)
+    n_midnights = _midnights_that_date_ignores(date_and_clock)
     words = (*split_name(column).words, *split_name(clock).words, split_name(clock).unit_text.lower())
-    found = _text_date_candidate(table, column, joined, answers, words)
+    found = _text_date_candidate(table, column, date_and_clock, answers, words)
     guess = Guess(
         "time", column, "date", found.guess.confidence, f"with the time of day in {clock!r}; {found.guess.why}"
     )
@@ -344,7 +344,7 @@ def _choices_of_number_time(
 
 def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, answers: Answers) -> TimeCandidate:
     where = table.source.name
-    given = answers.column_and_unit_for(table.source, "time")
+    column_and_unit = answers.column_and_unit_for(table.source, "time")
     preset = table.source.presets.get(column)
     words, unit_text = split_name(column).words, split_name(column).unit_text.lower()
     unit = find_unit(table.source.units.get(column, ""), "time") or unit_of_name(column, "time")
@@ -354,12 +354,16 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     if preset is not None and preset.unit:
         unit = preset.unit
     base = time_base_of_numbers(instants, unit, words)
-    if given is not None and given[0] == column and given[1]:
-        wanted, _, since = given[1].partition("-")
-        read = time_base_of_numbers(instants, wanted, words)
-        base = TimeBaseOfNumbers(wanted, since or read.since, "given", "as you said")
+    if column_and_unit is not None and column_and_unit[0] == column and column_and_unit[1]:
+        wanted_unit, _, since = column_and_unit[1].partition("-")
+        read = time_base_of_numbers(instants, wanted_unit, words)
+        base = TimeBaseOfNumbers(wanted_unit, since or read.since, "given", "as you said")
     guess = Guess("time", column, base.unit, base.confidence, base.why)
-    says_epoch = preset is not None or bool(CLOCK_WORDS & {*words, unit_text}) or bool(given and "-" in given[1])
+    says_epoch = (
+        preset is not None
+        or bool(CLOCK_WORDS & {*words, unit_text})
+        or bool(column_and_unit and "-" in column_and_unit[1])
+    )
     choices = _choices_of_number_time(column, base, unit, may_be_gps=not says_epoch and can_be_gps_seconds(instants))
     if choices is not None:
         nothing = np.zeros(len(instants.whole), np.int64)

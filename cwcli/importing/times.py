@@ -352,8 +352,8 @@ def _offsets_of_zone(zone: str, local_ns: Int64Array, valid: BoolArray) -> Float
     quarters, index = np.unique(np.where(valid, local_ns, 0) // (900 * NS_PER_S), return_inverse=True)
     offsets = []
     for quarter in quarters.tolist():
-        there = datetime.fromtimestamp(quarter * 900, UTC).replace(tzinfo=known).utcoffset()
-        offsets.append(0.0 if there is None else there.total_seconds())
+        utc_offset = datetime.fromtimestamp(quarter * 900, UTC).replace(tzinfo=known).utcoffset()
+        offsets.append(0.0 if utc_offset is None else utc_offset.total_seconds())
     return np.array(offsets)[index]
 
 

@@ -55,15 +55,15 @@ class Log:
         topics: Topics of its channels, in the file's order.
     """
 
-    def __init__(self, opened: reader.Log, selection: Selection) -> None:
-        self._log = opened
+    def __init__(self, reader_log: reader.Log, selection: Selection) -> None:
+        self._log = reader_log
         self._selection = selection
         self._is_closed = False
-        self.name: str = opened.name
-        self.start_ns: int = opened.start_ns
-        self.end_ns: int = opened.end_ns
-        self.n_messages: int = opened.n_messages
-        self.topics: tuple[str, ...] = tuple(dict.fromkeys(channel.topic for channel in opened.channels))
+        self.name: str = reader_log.name
+        self.start_ns: int = reader_log.start_ns
+        self.end_ns: int = reader_log.end_ns
+        self.n_messages: int = reader_log.n_messages
+        self.topics: tuple[str, ...] = tuple(dict.fromkeys(channel.topic for channel in reader_log.channels))
 
     def run(
         self,

@@ -68,12 +68,12 @@ def plan_named_stages(
     Raises:
         UsageError: A stage or an option does not exist, a value is wrong, or options are for a stage that does not run.
     """
-    wanted = stage_names_in_pipeline_order(names)
-    first = [each for name in wanted for each in STAGES[name].first if names and each not in wanted]
+    stage_names = stage_names_in_pipeline_order(names)
+    first = [each for name in stage_names for each in STAGES[name].first if names and each not in stage_names]
     calls = {
         name: configure_named_stage(name, options.get(name, {}), reading)
         for name in STAGES
-        if name in wanted or name in first
+        if name in stage_names or name in first
     }
     for name in options:
         stage_names_in_pipeline_order([name])
@@ -84,7 +84,7 @@ def plan_named_stages(
     if not names:
         rules = RunRules(SkipRules(SignalCheck(STAGES, reading.ego_station), lenient=True))
     elif first:
-        own = next(STAGES[name] for name in wanted if STAGES[name].first)
+        own = next(STAGES[name] for name in stage_names if STAGES[name].first)
         own = replace(own, first=tuple(first))
         rules = RunRules(SkipRules(SkipStagesAlreadyRun(own, STAGES, reading.ego_station)))
     else:

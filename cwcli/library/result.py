@@ -170,8 +170,8 @@ class Result:
             is_folder_of_parts=split,
             force=force,
         )
-        written = write_outputs(self, files)
-        return list(map(Path, written.names))
+        file_names = write_outputs(self, files)
+        return list(map(Path, file_names.names))
 
     def __repr__(self) -> str:
         return f"<cwcli.Result {self.name!r}: {', '.join(self.stages)}>"

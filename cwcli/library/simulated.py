@@ -98,9 +98,9 @@ def simulate_log(
     from cwcli.simulation.scenario import load_scenario
 
     drive = simulate_scenario(load_scenario(scenario, overrides), seed)
-    written = write_simulated_log(drive, target, force=force)
+    simulated = write_simulated_log(drive, target, force=force)
     about = f"{drive.scenario.description}; seed {drive.seed}, {drive.scenario.duration_s:g} s"
-    return SimulatedLog(drive.scenario.name, drive.seed, about, written)
+    return SimulatedLog(drive.scenario.name, drive.seed, about, simulated)
 
 
 def _write_rendered_road_log(
@@ -111,9 +111,9 @@ def _write_rendered_road_log(
 
     config = parse_road_log_config(weather, seed, overrides)
     drive = plan_configured_drive(config)
-    written = write_road_log(drive, config, target, force=force)
+    simulated = write_road_log(drive, config, target, force=force)
     about = (
         f"A rendered drive, {config.drive.weather}, {config.drive.road} road; {len(drive)} frames of "
         f"{config.size[0]} x {config.size[1]}; seed {config.drive.seed}, {config.drive.duration_s:g} s"
     )
-    return SimulatedLog(name, config.drive.seed, about, written)
+    return SimulatedLog(name, config.drive.seed, about, simulated)

@@ -157,8 +157,8 @@ def worst_time_to_collision(pair: Pair) -> SecondsAtStamps:
     speed = np.hypot(at.dvx_mps, at.dvy_mps)
     time = np.zeros(len(speed))
     for _ in range(N_WTTC_ITERATIONS):
-        apart = np.hypot(at.dx_m + at.dvx_mps * time, at.dy_m + at.dvy_mps * time)
-        left = np.maximum(apart - radius + speed * time, 0.0)
+        distance_m = np.hypot(at.dx_m + at.dvx_mps * time, at.dy_m + at.dvy_mps * time)
+        left = np.maximum(distance_m - radius + speed * time, 0.0)
         time = np.maximum((np.sqrt(speed**2 + 2.0 * together * left) - speed) / together, time)
     return pair.expand_to_all_rows(time)
 
@@ -203,19 +203,23 @@ def first_overlap_time_s(pair: Pair) -> SecondsAtStamps:
     chords = [chord * np.exp(0.5j * rate * ARC_STEP_S) for chord, rate in zip(chords, rates, strict=True)]
     before = np.full(len(rows), np.inf)
     for step in range(round(ARC_HORIZON_S / ARC_STEP_S) + 1):
-        apart = places[1] - places[0]
-        close = np.flatnonzero(apart.real**2 + apart.imag**2 <= (radius + ARC_STEP_S * fastest[rows]) ** 2)
-        now = np.full(len(rows), np.inf)
+        displacement_m = places[1] - places[0]
+        close = np.flatnonzero(
+            displacement_m.real**2 + displacement_m.imag**2 <= (radius + ARC_STEP_S * fastest[rows]) ** 2
+        )
+        first_time_s = np.full(len(rows), np.inf)
         if len(close):
             own, theirs = ((heading.real[close], heading.imag[close]) for heading in headings)
-            now[close] = outline_separation_by_directions_m(
-                apart.real[close], apart.imag[close], own, theirs, own_m, their_m
+            first_time_s[close] = outline_separation_by_directions_m(
+                displacement_m.real[close], displacement_m.imag[close], own, theirs, own_m, their_m
             )
-            hits = close[(now[close] <= 0.0) & np.isnan(found[rows[close]])]
+            hits = close[(first_time_s[close] <= 0.0) & np.isnan(found[rows[close]])]
             with np.errstate(invalid="ignore"):
-                share = np.where(np.isfinite(before[hits]), now[hits] / (now[hits] - before[hits]), 0.0)
+                share = np.where(
+                    np.isfinite(before[hits]), first_time_s[hits] / (first_time_s[hits] - before[hits]), 0.0
+                )
             found[rows[hits]] = ARC_STEP_S * (step - share)
-        before = now
+        before = first_time_s
         places = [place + heading * chord for place, heading, chord in zip(places, headings, chords, strict=True)]
         headings = [heading * turn for heading, turn in zip(headings, turns, strict=True)]
     return found

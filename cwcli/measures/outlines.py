@@ -43,8 +43,8 @@ def outline_separation_by_directions_m(
     for (cosine, sine), own, guest in ((along_host, host, other), (along_other, other, host)):
         lengthwise = np.abs(dx * cosine + dy * sine) - 0.5 * (own[0] + guest[0] * cos_between + guest[1] * sin_between)
         crosswise = np.abs(dy * cosine - dx * sine) - 0.5 * (own[1] + guest[0] * sin_between + guest[1] * cos_between)
-        here = np.maximum(lengthwise, crosswise)
-        most = here if most is None else np.maximum(most, here)
+        separation_m = np.maximum(lengthwise, crosswise)
+        most = separation_m if most is None else np.maximum(most, separation_m)
     return np.asarray(most)
 
 

@@ -127,10 +127,10 @@ class Pair:
     @cached_property
     def stamp_weights_s(self) -> FloatArray:
         """The time that each stamp stands for, s, (n,): half of the way to its neighbours, at most `max_gap_s`."""
-        apart = np.minimum(np.diff(self.stamp_ns) / NS_PER_S, self.max_gap_s)
-        if not len(apart):
+        step_s = np.minimum(np.diff(self.stamp_ns) / NS_PER_S, self.max_gap_s)
+        if not len(step_s):
             return np.zeros(len(self.stamp_ns))
-        return np.asarray(0.5 * (np.concatenate([apart[:1], apart]) + np.concatenate([apart, apart[-1:]])))
+        return np.asarray(0.5 * (np.concatenate([step_s[:1], step_s]) + np.concatenate([step_s, step_s[-1:]])))
 
     @cached_property
     def other_states(self) -> EastNorthSpeedHeadingRows:
@@ -167,8 +167,8 @@ class Pair:
     @cached_property
     def distance_m(self) -> FloatArray:
         """Distance of the centres, (n,); NaN where either track has no data."""
-        apart = self.other_states - self.host.state[:, :4]
-        return np.where(np.isfinite(apart).all(axis=1), np.hypot(apart[:, 0], apart[:, 1]), np.nan)
+        difference = self.other_states - self.host.state[:, :4]
+        return np.where(np.isfinite(difference).all(axis=1), np.hypot(difference[:, 0], difference[:, 1]), np.nan)
 
     @cached_property
     def near_rows(self) -> npt.NDArray[np.intp]:

@@ -144,10 +144,10 @@ def compare_runs(
     pairs = [(before[name], after[name]) for name in ids]
     names = metric_names([*(log for pair in pairs for log in pair)])
     effects = [_measure_effect(name, pairs, tolerance) for name in names]
-    judged = np.array([effect.is_tested for effect in effects], dtype=bool)
+    is_tested = np.array([effect.is_tested for effect in effects], dtype=bool)
     p = np.full(len(effects), np.nan)
-    if judged.any():
-        p[judged] = _adjust_p_values_holm(
+    if is_tested.any():
+        p[is_tested] = _adjust_p_values_holm(
             _sign_flip_p_values(np.column_stack([e.changes for e in effects if e.is_tested]), seed)
         )
     drawn = bootstrap_draw_counts(len(pairs), seed) if len(pairs) >= MIN_LOGS_FOR_BOOTSTRAP else None
@@ -189,12 +189,12 @@ class _MetricEffect:
         """Return whether the pooled value moved against the mean change by more than the tolerance."""
         metric = self.metric
         if metric is not None and metric.better == "near":
-            moved = abs(after - metric.target) - abs(before - metric.target)
+            change_of_pooled_value = abs(after - metric.target) - abs(before - metric.target)
         elif self.is_relative and before > 0.0 and after > 0.0:
-            moved = math.log(after / before)
+            change_of_pooled_value = math.log(after / before)
         else:
-            moved = after - before
-        return moved * mean < 0.0 and abs(moved) > self.tolerance
+            change_of_pooled_value = after - before
+        return change_of_pooled_value * mean < 0.0 and abs(change_of_pooled_value) > self.tolerance
 
     @property
     def is_tested(self) -> bool:

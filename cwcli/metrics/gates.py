@@ -162,9 +162,9 @@ class _GateEvaluator:
     def _evaluate_any_all(self, node: AnyAll) -> _Answer:
         """Evaluate `any` or `all` over the logs that did not fail."""
         answers = [self._evaluate_node(node.inner, log) for log in self._done]
-        joined = _combine_answers(answers, is_and=node.quantifier == "all")
-        held = sum(answer.holds is True for answer in answers)
-        return _Answer(joined.holds, (f"it holds for {held} of {len(answers)} logs",))
+        combined = _combine_answers(answers, is_and=node.quantifier == "all")
+        n_holding = sum(answer.holds is True for answer in answers)
+        return _Answer(combined.holds, (f"it holds for {n_holding} of {len(answers)} logs",))
 
     def _evaluate_comparison(self, node: Comparison, log: LogMetrics | None) -> _Answer:
         """Evaluate a comparison; with a pattern it must hold for every metric that matches."""
@@ -177,11 +177,11 @@ class _GateEvaluator:
             if any(value is None for value in values):
                 answers.append(_Answer(None, words))
                 continue
-            held = all(
+            holds_for_all = all(
                 COMPARISONS_BY_SIGN[sign](float(left or 0.0), float(right or 0.0))
                 for sign, left, right in zip(node.signs, values, values[1:], strict=False)
             )
-            answers.append(_Answer(held, words))
+            answers.append(_Answer(holds_for_all, words))
         return _combine_answers(answers, is_and=True)
 
     def _operand_values(self, operand: Operand, log: LogMetrics | None) -> list[tuple[float | None, str]]:
@@ -198,8 +198,8 @@ class _GateEvaluator:
         known = [answer for answer in answers if answer is not None]
         if not known:
             return [(None, "no log can say")]
-        held = sum(known)
-        return [(held / len(known), f"it holds for {held} of {len(known)} logs")]
+        n_known = sum(known)
+        return [(n_known / len(known), f"it holds for {n_known} of {len(known)} logs")]
 
     def _metrics_matching(self, name: Name, names: list[str], function: str = "") -> list[str]:
         """Return the metrics that match a name; the name itself where there are none.

@@ -230,8 +230,10 @@ def visual_standard_score(
         )
         for each in (left, right)
     ]
-    judged = [share for share in shares if not math.isnan(share)]
-    return VisualScore(shares[0], shares[1], bool(judged) and all(share >= VISUAL_MIN_ROW_SHARE for share in judged))
+    known_shares = [share for share in shares if not math.isnan(share)]
+    return VisualScore(
+        shares[0], shares[1], bool(known_shares) and all(share >= VISUAL_MIN_ROW_SHARE for share in known_shares)
+    )
 
 
 @dataclass(frozen=True)

@@ -132,15 +132,15 @@ def pool_metric(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
         seed: Seed of the bootstrap.
     """
     first = rows[0]
-    judged = _rows_with_weight(rows)
-    total, weight = _weighted_sums(judged, first.pool)
+    weighted_rows = _rows_with_weight(rows)
+    total, weight = _weighted_sums(weighted_rows, first.pool)
     value = metric_value_from_sums(first.pool, total, weight)
     metric = find_metric(first.metric)
     kind = metric.interval if metric is not None else ""
     low, high = (
         metric_interval_from_sums(kind, total, weight)
         if kind
-        else _bootstrap_interval_over_logs(first.pool, judged, seed)
+        else _bootstrap_interval_over_logs(first.pool, weighted_rows, seed)
     )
     n = sum(row.n for row in rows)
     states = " or ".join(sorted({row.states for row in rows}))

@@ -69,5 +69,5 @@ class ChannelChoice:
         """Return the record of a stage; if channels were chosen, it lists which of the stage's topics are written."""
         if not self.patterns:
             return result.metadata
-        written = [channel.topic for channel in result.channels if channel.topic in self]
-        return ChainMap({WRITTEN_TOPICS_KEY: json.dumps(written)}, result.metadata)  # type: ignore[arg-type]
+        written_topics = [channel.topic for channel in result.channels if channel.topic in self]
+        return ChainMap({WRITTEN_TOPICS_KEY: json.dumps(written_topics)}, result.metadata)  # type: ignore[arg-type]

@@ -82,8 +82,8 @@ def topic_health_from_columns(columns: Columns, start_ns: int, end_ns: int) -> T
     log_ns = columns.log_time_ns
     is_time = (log_ns >= 0) & (log_ns <= MAX_STAMP_NS)  # an unsigned number beyond 2^63 is negative here
     has_stamp &= is_time
-    given, logged = stamp_ns[has_stamp], log_ns[has_stamp]
-    time_ns = np.sort(given if len(given) > 0.5 * len(log_ns) else log_ns[is_time])
+    known_stamp_ns, logged = stamp_ns[has_stamp], log_ns[has_stamp]
+    time_ns = np.sort(known_stamp_ns if len(known_stamp_ns) > 0.5 * len(log_ns) else log_ns[is_time])
     steps = np.diff(time_ns)
     median_ns = median_of_values(steps) if len(steps) else 0.0
     gaps = find_stamp_gaps(np.sort(log_ns.view(np.uint64)), start_ns=start_ns, end_ns=end_ns)
@@ -91,13 +91,13 @@ def topic_health_from_columns(columns: Columns, start_ns: int, end_ns: int) -> T
         columns.topic,
         len(columns),
         columns.n_undecodable,
-        len(given),
+        len(known_stamp_ns),
         NS_PER_S / median_ns if median_ns > 0.0 else np.nan,
         len(gaps),
         max((gap.duration_s for gap in gaps), default=0.0),
-        int(np.count_nonzero(np.diff(given) < 0)),
-        median_of_values(logged - given) / NS_PER_S if len(given) else np.nan,
-        clock_drift_ms_per_min(given, logged),
+        int(np.count_nonzero(np.diff(known_stamp_ns) < 0)),
+        median_of_values(logged - known_stamp_ns) / NS_PER_S if len(known_stamp_ns) else np.nan,
+        clock_drift_ms_per_min(known_stamp_ns, logged),
     )
 
 

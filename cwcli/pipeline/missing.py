@@ -104,9 +104,9 @@ class SignalCheck:
     def _suggest_other_stages_or_empty(self, stage: str, log: Log, selection: Selection) -> str:
         """Return words on stages that do the same from other signals, if the file holds those; else ""."""
         added = {channel.topic for channel in log.added_channels}
-        there = [channel for channel in log.channels if channel.topic not in added]
+        recorded_channels = [channel for channel in log.channels if channel.topic not in added]
         bound = bind_roles(
-            there, {}, required=(), optional=tuple(ROLE_TEXT), ego_station=self.ego_station, where=log.name
+            recorded_channels, {}, required=(), optional=tuple(ROLE_TEXT), ego_station=self.ego_station, where=log.name
         ).by_role
         for entry in readiness_of_each_stage(bound, self.stages):
             if entry.stage.instead_of == stage and not entry.missing:

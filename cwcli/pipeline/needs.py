@@ -58,12 +58,12 @@ def readiness_of_each_stage(bound: Collection[str], stages: Table) -> list[Stage
 
 def _names_of_stages_needed_first(stage: Stage, earlier: Sequence[Stage], bound: Collection[str]) -> tuple[str, ...]:
     """Return the earlier stages that publish what `stage` requires and the log does not hold."""
-    wanted = _unbound_role_groups(stage, bound)
+    unbound_roles = _unbound_role_groups(stage, bound)
     names: list[str] = []
     for maker in reversed(earlier):
-        if any(group & set(maker.input_role_by_added_role) for group in wanted):
+        if any(group & set(maker.input_role_by_added_role) for group in unbound_roles):
             names.insert(0, maker.name)
-            wanted += _unbound_role_groups(maker, bound)
+            unbound_roles += _unbound_role_groups(maker, bound)
     return tuple(names)
 
 

@@ -72,8 +72,8 @@ def iter_option_entries(default: Any, path: tuple[str, ...] = ()) -> Iterator[Op
         option = next((extra for extra in extras if isinstance(extra, Option)), None)
         if option is not None:
             kind = option.kind or kind
-            given = _empty_list_false_or_none_of_type(kind) if option.parse else value
-            yield OptionEntry(configuration_key_of_option_flags(option.flags), place, option, kind, given)
+            shown_value = _empty_list_false_or_none_of_type(kind) if option.parse else value
+            yield OptionEntry(configuration_key_of_option_flags(option.flags), place, option, kind, shown_value)
         elif dataclasses.is_dataclass(value):
             yield from iter_option_entries(value, place)
 
@@ -96,12 +96,12 @@ def configure_stage(
     Raises:
         UsageError: A value is invalid.
     """
-    given = {
+    given_values = {
         entry.path: _parse_option_value_within_bounds(entry.option, values[entry.key])
         for entry in entries
         if entry.key in values and values[entry.key] != entry.default
     }
-    config = _replace_nested_fields(stage.configuration_class(), given)
+    config = _replace_nested_fields(stage.configuration_class(), given_values)
     if hasattr(config, "sources"):
         sources = dataclasses.replace(config.sources, clock=reading.clock, ego_station=reading.ego_station)
         config = dataclasses.replace(config, sources=sources)
@@ -127,11 +127,11 @@ def check_option_values_from_python(
     """
     known = {entry.key: entry for entry in entries}
     checked: dict[str, Any] = {}
-    for given, value in values.items():
-        key = str(given).replace("-", "_")
+    for option_name, value in values.items():
+        key = str(option_name).replace("-", "_")
         if key not in known:
             raise UsageError(
-                f"the stage {stage} has no option {given}",
+                f"the stage {stage} has no option {option_name}",
                 hint=hint_at_closest_or_all_known_names(key, known, "options"),
             )
         entry = known[key]

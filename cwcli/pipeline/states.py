@@ -53,14 +53,14 @@ def choose_state_topics(
     chosen = dict(topics)
     if which == "hindsight":
         return chosen
-    there = {channel.topic for channel in channels}
+    topics_of_log = {channel.topic for channel in channels}
     for role in roles:
         if role not in ONLINE_CHANNEL_OF_ROLE or role in chosen:
             continue
         online = ONLINE_CHANNEL_OF_ROLE[role]
         if online.role in chosen:
             chosen[role] = chosen[online.role]
-        elif online.topic in there:
+        elif online.topic in topics_of_log:
             chosen[role] = online.topic
     return chosen
 

@@ -299,8 +299,8 @@ def _squared_outcome_distances_before_scaling(
 ) -> FloatArray:
     """Squared distances of one vehicle's outcomes before any scale, (n, k)."""
     points = indices_of_needed_points(plan.time_s, horizon_knots_of_scales_s(float(plan.time_s[-1])).tolist())
-    judged = plan.take(track.rows, points=points)
-    return np.asarray(squared_mahalanobis_distances(judged, track.stamp_ns, track.state[:, :2], settings)[0])
+    planned_paths = plan.take(track.rows, points=points)
+    return np.asarray(squared_mahalanobis_distances(planned_paths, track.stamp_ns, track.state[:, :2], settings)[0])
 
 
 def initial_log_scale_of_each_row(

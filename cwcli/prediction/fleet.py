@@ -74,14 +74,14 @@ def acting_time_from_displacement_share_s(displacement_share: FloatArray) -> Flo
         the knots, constant after the last.
     """
     out = np.empty_like(displacement_share)
-    moved = acted = np.zeros(displacement_share.shape[:-1])
+    displacement_share_so_far = acted = np.zeros(displacement_share.shape[:-1])
     before_s = 0.0
     for k, knot_s in enumerate(HORIZON_KNOTS_S.tolist()):
         step_s = knot_s - before_s
-        missing = displacement_share[..., k] * knot_s**2 / 2.0 - moved - acted * step_s
+        missing = displacement_share[..., k] * knot_s**2 / 2.0 - displacement_share_so_far - acted * step_s
         least = np.stack([-acted[..., 0] / step_s, np.full(acted.shape[:-1], -1.0)], axis=-1)
         rate = np.clip(2.0 * missing / step_s**2, least, 1.0)
-        moved = moved + acted * step_s + rate * step_s**2 / 2.0
+        displacement_share_so_far = displacement_share_so_far + acted * step_s + rate * step_s**2 / 2.0
         acted = acted + rate * step_s
         out[..., k] = acted
         before_s = knot_s

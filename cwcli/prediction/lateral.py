@@ -109,10 +109,10 @@ def predict_paths_from_observer(
         sideways = np.broadcast_to(lateral, turning.shape)
         forgets = np.zeros_like(t)
     else:
-        here, ahead = road_curvature_here_and_ahead_1pm(track, reach_m)
+        curvature_here_1pm, ahead = road_curvature_here_and_ahead_1pm(track, reach_m)
         road = v * (
-            here[:, None]
-            + (ahead - here)[:, None]
+            curvature_here_1pm[:, None]
+            + (ahead - curvature_here_1pm)[:, None]
             * np.clip(_running_integral_along_rows(v, config.step_s) / reach_m[:, None], 0.0, 1.0)
         )
         forgets = np.exp(-t / config.adapt_s)
@@ -147,7 +147,7 @@ def road_curvature_here_and_ahead_1pm(track: LateralTrack, reach_m: FloatArray) 
     filled = np.nan_to_num(ahead)
     dt = np.diff(track.stamp_ns, prepend=track.stamp_ns[:1]) / NS_PER_S
     driven_m = np.cumsum(np.nan_to_num(track.speed_mps) * dt)
-    here = filled.copy()
+    curvature_here_1pm = filled.copy()
     places_m: list[float] = []
     curvatures_1pm: list[float] = []
     for i, (at_m, value, far_m) in enumerate(zip(driven_m.tolist(), ahead.tolist(), reach_m.tolist(), strict=True)):
@@ -160,10 +160,12 @@ def road_curvature_here_and_ahead_1pm(track: LateralTrack, reach_m: FloatArray) 
         after = bisect_right(places_m, at_m)
         if 0 < after < len(places_m) and places_m[after] - places_m[after - 1] <= far_m:
             share = (at_m - places_m[after - 1]) / (places_m[after] - places_m[after - 1])
-            here[i] = curvatures_1pm[after - 1] + share * (curvatures_1pm[after] - curvatures_1pm[after - 1])
+            curvature_here_1pm[i] = curvatures_1pm[after - 1] + share * (
+                curvatures_1pm[after] - curvatures_1pm[after - 1]
+            )
         elif 0 < after == len(places_m) and at_m - places_m[-1] <= far_m:
-            here[i] = curvatures_1pm[-1]
-    return here, filled
+            curvature_here_1pm[i] = curvatures_1pm[-1]
+    return curvature_here_1pm, filled
 
 
 def recent_shrunk_acceleration_mps2(track: LateralTrack) -> FloatArray:
@@ -262,12 +264,14 @@ def _position_covariance_of_lateral_paths(
     """Position covariance xx, xy, yy, (n, k, 3): v_y, gamma, curvature and driver across the path, speed along it."""
     n = len(speed_mps)
     assumed = np.diag(np.square(config.default_sigma))
-    given = track.covariance[:, :2, :2]
-    is_given = np.isfinite(given).reshape(n, -1).all(axis=1)
-    start = np.where(np.asarray(is_given)[:, None, None], given, assumed)
+    state_covariance = track.covariance[:, :2, :2]
+    is_given = np.isfinite(state_covariance).reshape(n, -1).all(axis=1)
+    start = np.where(np.asarray(is_given)[:, None, None], state_covariance, assumed)
     lever = steady_lateral_speed_per_yaw_rate_m(vehicle, speed_mps)
-    turned, curved = _integrals_of_decaying_yaw_rate_error_s_s2(time_s, config)
-    to_gamma = speed_mps * curved + lever * (turned - time_s)  # how far gamma's error carries the car sideways
+    heading_integral_s, curved = _integrals_of_decaying_yaw_rate_error_s_s2(time_s, config)
+    to_gamma = speed_mps * curved + lever * (
+        heading_integral_s - time_s
+    )  # how far gamma's error carries the car sideways
     to_lateral = np.broadcast_to(time_s, to_gamma.shape)
     across = (
         start[:, 0, 0, None] * to_lateral**2
@@ -300,5 +304,5 @@ def _integrals_of_decaying_yaw_rate_error_s_s2(
     if config.model == "zhang2011":
         return time_s, 0.5 * time_s**2
     tau = config.adapt_s
-    turned = -tau * np.expm1(-time_s / tau)
-    return turned, tau * (time_s - turned)
+    heading_integral_s = -tau * np.expm1(-time_s / tau)
+    return heading_integral_s, tau * (time_s - heading_integral_s)

@@ -216,11 +216,14 @@ def actual_displacement_beyond_constant_velocity_m(track: StateHistory) -> Float
         for rows in track.row_slices_of_vehicles()
     ]
     found, is_known = (np.concatenate(each) for each in zip(*outcome, strict=True))
-    moved = found - track.state[:, None, :2]
+    displacement_m = found - track.state[:, None, :2]
     speed, heading = track.state[:, SPEED, None], track.state[:, HEADING, None]
     forward = np.where(speed < 0.0, -1.0, 1.0)
     cosine, sine = forward * np.cos(heading), forward * np.sin(heading)
-    ahead, left = cosine * moved[..., 0] + sine * moved[..., 1], cosine * moved[..., 1] - sine * moved[..., 0]
+    ahead, left = (
+        cosine * displacement_m[..., 0] + sine * displacement_m[..., 1],
+        cosine * displacement_m[..., 1] - sine * displacement_m[..., 0],
+    )
     chord = np.hypot(ahead, left)
     angle = np.where(chord > MIN_CHORD_M, np.arctan2(left, ahead), 0.0)
     arc = np.where(chord > MIN_CHORD_M, chord / np.sinc(angle / np.pi), ahead)

@@ -64,9 +64,9 @@ def left_turn_on_last_way_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, sta
     speed_mps, heading_rad = np.abs(state[current_rows, SPEED]), state[current_rows, HEADING]
     way_m = np.cumsum(np.append(0.0, np.nan_to_num(speed_mps[1:]) * step_s))
     course_rad = np.cumsum(np.append(0.0, np.nan_to_num(wrap_angle(np.diff(heading_rad)))))
-    turned = course_rad - np.interp(way_m - WAY_DRIVEN_IN_TURN_M, way_m, course_rad)
+    turned_rad = course_rad - np.interp(way_m - WAY_DRIVEN_IN_TURN_M, way_m, course_rad)
     newest = np.searchsorted(current_rows, np.arange(len(stamp_ns)), side="right") - 1
-    return np.asarray(np.where(newest >= 0, turned[np.maximum(newest, 0)], 0.0))
+    return np.asarray(np.where(newest >= 0, turned_rad[np.maximum(newest, 0)], 0.0))
 
 
 def end_turns_of_paths_at_quarter_turn(paths: Paths, turned_rad: FloatArray) -> Paths:

@@ -128,8 +128,8 @@ class _DriverView:
 
     def plotly_x_and_y_lists(self, xy: FloatArray) -> tuple[list[float | None], list[float | None]]:
         """Transform points of the map, shape (n, 2), into Plotly's lists of x and y."""
-        seen = self.map_points_in_view_m(xy)
-        return rounded_json_numbers(seen[:, 0], 2), rounded_json_numbers(seen[:, 1], 2)
+        view_xy_m = self.map_points_in_view_m(xy)
+        return rounded_json_numbers(view_xy_m[:, 0], 2), rounded_json_numbers(view_xy_m[:, 1], 2)
 
 
 def _predicted_path_traces(view: _DriverView, path: Paths, colour: str, name: str, horizon_s: float) -> list[Trace]:

@@ -249,12 +249,12 @@ def _warning_traces(drive: Drive, drive_encounters: DriveEncounters, ego: Actual
         for each, other in others
     ]
     if at_warning:
-        there = np.array(at_warning)
+        warning_places = np.array(at_warning)
         name = "the other at that moment"
         traces.append(
             marker_trace(
-                rounded_json_numbers(there[:, 0], 2),
-                rounded_json_numbers(there[:, 1], 2),
+                rounded_json_numbers(warning_places[:, 0], 2),
+                rounded_json_numbers(warning_places[:, 1], 2),
                 name,
                 WARNING_COLOUR,
                 symbol="triangle-up-open",

@@ -298,7 +298,7 @@ def _pool_source(group: Sequence[SourceInLog], anchors: Mapping[str, str]) -> Po
     """Pool one source and quantity."""
     latencies = {each.log: 1e3 * each.latency_s for each in group if math.isfinite(each.latency_s)}
     nis = [each.nis for each in group if math.isfinite(each.nis)]
-    judged = [each.is_nis_inside_bounds for each in group if each.is_nis_inside_bounds is not None]
+    are_inside_bounds = [each.is_nis_inside_bounds for each in group if each.is_nis_inside_bounds is not None]
     gated = sum(each.gated for each in group if each.gated >= 0.0)
     used = sum(each.used for each in group if each.used >= 0.0)
     drawable = np.array(list(latencies.values()))
@@ -309,7 +309,7 @@ def _pool_source(group: Sequence[SourceInLog], anchors: Mapping[str, str]) -> Po
         latency=f"{np.median(drawable):.0f}" if len(drawable) else "-",
         latency_between=f"{drawable.min():.0f} to {drawable.max():.0f}" if len(drawable) else "",
         nis=f"{np.median(nis):.2f}" if nis else "-",
-        outside=f"{judged.count(False)} of {len(judged)}" if judged else "-",
+        outside=f"{are_inside_bounds.count(False)} of {len(are_inside_bounds)}" if are_inside_bounds else "-",
         gated=f"{shown(100.0 * gated / (gated + used), 3)} %" if 0.0 < gated + used < math.inf else "-",
         odd=find_outlier_logs("", latencies, anchors, 0.0, 1.0, 1e3 * MIN_SIGMA_OF_TIMES_S),
     )

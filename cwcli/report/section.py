@@ -313,13 +313,13 @@ def _collect_thumbnails(
     """Return thumbnails by the times that are shown, those of the player, and why some are missing."""
     if not drive.camera_topic:
         return {}, [], ""
-    wanted = [each.raised_ns + round(offset_s * NS_PER_S) for each in chosen for offset_s in FRAME_OFFSETS_S]
-    if not wanted:
+    frame_times_ns = [each.raised_ns + round(offset_s * NS_PER_S) for each in chosen for offset_s in FRAME_OFFSETS_S]
+    if not frame_times_ns:
         span = drive.end_ns - drive.start_ns
-        wanted = [drive.start_ns + span * (2 * k + 1) // (2 * detail.n_frames) for k in range(detail.n_frames)]
+        frame_times_ns = [drive.start_ns + span * (2 * k + 1) // (2 * detail.n_frames) for k in range(detail.n_frames)]
     over_all = evenly_spaced_stamps_ns(drive, detail.n_moments)
-    found, why = make_thumbnails_and_explain_gaps(log, drive.camera_topic, drive.lanes, [*wanted, *over_all])
-    return {at: found[at] for at in wanted if at in found}, [found[at] for at in over_all if at in found], why
+    found, why = make_thumbnails_and_explain_gaps(log, drive.camera_topic, drive.lanes, [*frame_times_ns, *over_all])
+    return {at: found[at] for at in frame_times_ns if at in found}, [found[at] for at in over_all if at in found], why
 
 
 def _pictures_in_time_order(drive: Drive, pictures: dict[int, Thumbnail]) -> list[Picture]:

@@ -202,8 +202,8 @@ def other_system_warning_lines(
     drive: Drive, span_ns: tuple[int, int] | None = None
 ) -> list[tuple[dict[str, Any], dict[str, Any]]]:
     """Return vertical lines where another system warned, at most `MAX_MARKED_WARNINGS`, labelled at the bottom."""
-    judged = () if drive.other_system is None else drive.other_system.flag_scores.judged
-    raised = [each.raised_ns for each in judged if span_ns is None or span_ns[0] <= each.raised_ns <= span_ns[1]]
+    outcomes = () if drive.other_system is None else drive.other_system.flag_scores.judged
+    raised = [each.raised_ns for each in outcomes if span_ns is None or span_ns[0] <= each.raised_ns <= span_ns[1]]
     marks = [
         vertical_line_with_label(round((at - drive.start_ns) / NS_PER_S, 3), "other system", OTHER_SYSTEM_COLOUR)
         for at in raised[:MAX_MARKED_WARNINGS]

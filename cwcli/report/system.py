@@ -82,9 +82,9 @@ def other_system_tables(drive: Drive, metrics: Mapping[str, MetricRow]) -> list[
 
 def _other_system_warnings_table(drive: Drive, system: OtherSystemVerdicts) -> TableView:
     """Build the table of another system's warnings."""
-    judged = system.flag_scores.judged
+    outcomes = system.flag_scores.judged
     rows = []
-    for k, each in enumerate(judged[:MAX_TABLE_ROWS], start=1):
+    for k, each in enumerate(outcomes[:MAX_TABLE_ROWS], start=1):
         at, until = (f"{(stamp_ns - drive.start_ns) / NS_PER_S:.2f}" for stamp_ns in (each.raised_ns, each.last_ns))
         lead = f"{each.lead_time_s:.2f}" if math.isfinite(each.lead_time_s) else "-"
         about = escape_control_characters(each.other_id)[:40] or "-"
@@ -97,5 +97,5 @@ def _other_system_warnings_table(drive: Drive, system: OtherSystemVerdicts) -> T
         ("the conflict was with", False),
         ("lead [s]", True),
     )
-    hint = f"the first {MAX_TABLE_ROWS} of {len(judged)} are listed" if len(judged) > MAX_TABLE_ROWS else ""
+    hint = f"the first {MAX_TABLE_ROWS} of {len(outcomes)} are listed" if len(outcomes) > MAX_TABLE_ROWS else ""
     return TableView(f"Warnings of {escape_control_characters(system.topic)}", columns, tuple(rows), hint)

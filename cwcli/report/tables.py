@@ -102,17 +102,18 @@ def build_log_tables(drive: Drive, entry: LogEntry, *, has_all_metrics: bool) ->
     tables = []
     rows: list[tuple[str, ...]] = []
     for stage in drive.records:
-        for given in drive.stage_input_records(stage):
+        for input_record in drive.stage_input_records(stage):
             reasons = [
                 f"{n} {reason} ({kind.replace('_', ' ')})"
                 for kind in ("rejected", "repaired", "set_aside")
-                for reason, n in _positive_counts_by_reason(given.get(kind)).items()
+                for reason, n in _positive_counts_by_reason(input_record.get(kind)).items()
             ]
             totals = [
-                str(sum(_positive_counts_by_reason(given.get(kind)).values())) for kind in ("rejected", "repaired")
+                str(sum(_positive_counts_by_reason(input_record.get(kind)).values()))
+                for kind in ("rejected", "repaired")
             ]
-            topic, role = str(given.get("topic", "")), str(given.get("role", "")).replace("_", " ")
-            read, used = str(given.get("read", "")), str(given.get("used", ""))
+            topic, role = str(input_record.get("topic", "")), str(input_record.get("role", "")).replace("_", " ")
+            read, used = str(input_record.get("read", "")), str(input_record.get("used", ""))
             rows.append((stage, topic, role, read, used, *totals, "; ".join(reasons)))
     if rows:
         columns: tuple[tuple[str, bool], ...] = (

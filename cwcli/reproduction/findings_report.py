@@ -140,9 +140,10 @@ def class_counts_table(findings: Sequence[Finding]) -> SummaryTable:
     own = [finding for finding in findings if finding.expected.group == PAPER_GROUP]
     printed = Counter(finding.reached_class for finding in own if finding.expected.is_printed)
     others = Counter(finding.reached_class for finding in own if not finding.expected.is_printed)
-    apart = Counter(f.reached_class for f in findings if f.expected.group != PAPER_GROUP)
+    classes_of_findings = Counter(f.reached_class for f in findings if f.expected.group != PAPER_GROUP)
     rows: tuple[tuple[Cell, ...], ...] = tuple(
-        (name, printed[name], others[name], apart[name], meaning) for name, meaning in CLASS_MEANINGS.items()
+        (name, printed[name], others[name], classes_of_findings[name], meaning)
+        for name, meaning in CLASS_MEANINGS.items()
     )
     columns = ("class", "printed numbers", "statements and own numbers", "repeats and our methods", "meaning")
     return SummaryTable("classes", "How many numbers are of each class", columns, rows)

@@ -232,15 +232,15 @@ def repaired_stamps_and_moved_mask(
         The stamps, shape (n,), and which of them were moved, shape (n,).
     """
     max_step_ns = int(max_step_s * NS_PER_S)
-    moved = np.zeros(len(stamp_ns), dtype=np.bool_)
+    is_moved = np.zeros(len(stamp_ns), dtype=np.bool_)
     if len(stamp_ns) < 2:
-        return stamp_ns, moved
+        return stamp_ns, is_moved
     offset_ns = stamp_ns - log_time_ns
     step_ns = np.diff(stamp_ns)
     runs_on = (step_ns >= 0) & (step_ns <= max_step_ns)
     is_boundary = (np.abs(np.diff(offset_ns)) > max_step_ns) & ~runs_on
     if not is_boundary.any():
-        return stamp_ns, moved
+        return stamp_ns, is_moved
     starts = np.concatenate([[0], np.flatnonzero(is_boundary) + 1, [len(stamp_ns)]])
     usual_ns = _lower_median(offset_ns)
     repaired_ns = stamp_ns.copy()
@@ -248,8 +248,8 @@ def repaired_stamps_and_moved_mask(
         shift_ns = usual_ns - _lower_median(offset_ns[start:end])
         if abs(shift_ns) > max_step_ns:
             repaired_ns[start:end] += shift_ns
-            moved[start:end] = True
-    return repaired_ns, moved
+            is_moved[start:end] = True
+    return repaired_ns, is_moved
 
 
 def _repair_sender_times_and_return_kept_rows(
@@ -263,16 +263,16 @@ def _repair_sender_times_and_return_kept_rows(
     """Apply steps 1 to 5 to one sender: write the times into `time_ns`, return the rows that stay, in time order."""
     log_ns = ledger.columns.log_time_ns[rows]
     stamp_ns = time_ns[rows]
-    given = has_time[rows]
+    row_has_time = has_time[rows]
 
-    delay_ns = _lower_median(log_ns[given] - stamp_ns[given]) if given.any() else 0
-    if abs(delay_ns) > max_step_s * NS_PER_S and 2 * np.count_nonzero(given) <= len(given):
+    delay_ns = _lower_median(log_ns[row_has_time] - stamp_ns[row_has_time]) if row_has_time.any() else 0
+    if abs(delay_ns) > max_step_s * NS_PER_S and 2 * np.count_nonzero(row_has_time) <= len(row_has_time):
         delay_ns = 0  # a few stamps of another epoch say nothing about the rest
-    stamp_ns = np.where(given, stamp_ns, log_ns - delay_ns)
-    ledger.count_repaired_rows(rows[~given], NO_STAMP_REASON)
+    stamp_ns = np.where(row_has_time, stamp_ns, log_ns - delay_ns)
+    ledger.count_repaired_rows(rows[~row_has_time], NO_STAMP_REASON)
 
-    stamp_ns, moved = repaired_stamps_and_moved_mask(stamp_ns, log_ns, max_step_s=max_step_s)
-    ledger.count_repaired_rows(rows[moved], CLOCK_JUMP_REASON)
+    stamp_ns, is_moved = repaired_stamps_and_moved_mask(stamp_ns, log_ns, max_step_s=max_step_s)
+    ledger.count_repaired_rows(rows[is_moved], CLOCK_JUMP_REASON)
 
     repeats = np.flatnonzero(np.diff(stamp_ns) == 0) + 1
     is_duplicate = np.zeros(len(rows), dtype=np.bool_)

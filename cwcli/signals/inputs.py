@@ -108,10 +108,10 @@ def _vehicle_state_inputs() -> tuple[Input, ...]:
 def _imu_inputs() -> tuple[Input, ...]:
     measured = ("linear_acceleration", "angular_velocity")
     fields = ros_leaf_fields(*(leaf for name in measured for leaf in (*xyz_leaf_paths(name), f"{name}_covariance")))
-    turned = ros_leaf_fields(*quaternion_leaf_paths("orientation"), "orientation_covariance")
+    orientation_fields = ros_leaf_fields(*quaternion_leaf_paths("orientation"), "orientation_covariance")
     return (
         *inputs_of_message(fields, imu="imu.build_imu"),
-        *inputs_of_message(turned, None, ego_heading="motion.build_quaternion_heading"),
+        *inputs_of_message(orientation_fields, None, ego_heading="motion.build_quaternion_heading"),
     )
 
 

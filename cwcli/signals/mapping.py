@@ -173,10 +173,10 @@ def merge_mapping_options(options: Sequence[str], files: Sequence[str], name_of_
                 hint=f"roles: {', '.join(MAPPED_QUANTITIES_BY_ROLE)}",
             )
         texts.setdefault(role, []).extend(";".join((one.strip(), *files)) for one in text.split(MAPPING_SEPARATOR))
-    joined = {role: MAPPING_SEPARATOR.join(each) for role, each in texts.items()}
-    for role, text in joined.items():
+    text_by_role = {role: MAPPING_SEPARATOR.join(each) for role, each in texts.items()}
+    for role, text in text_by_role.items():
         parse_field_mappings(role, text)
-    return [f"{role}={text}" for role, text in joined.items()]
+    return [f"{role}={text}" for role, text in text_by_role.items()]
 
 
 def is_field_mapping(text: str) -> bool:
@@ -212,9 +212,9 @@ def parse_field_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
             sources.append(_parse_channel_mapping(role, one.strip(), quantities, 0))
     for source in sources:
         if source.count_given_quantities < quantities.n_needed:
-            wanted = ", ".join(quantities.fields)
+            field_names = ", ".join(quantities.fields)
             raise UsageError(
-                f"--map {role}={source.text}: {source.count_given_quantities} fields for {wanted}",
+                f"--map {role}={source.text}: {source.count_given_quantities} fields for {field_names}",
                 hint="separate them by commas, or give --map once more for those of another channel",
             )
     topics = [source.topic for source in sources]
@@ -232,11 +232,11 @@ def _parse_channel_mapping(role: str, text: str, quantities: MappedQuantities, f
     stamp = re.fullmatch(_STAMP_PATTERN, stamp_text)
     if not topic or (at and not stamp):
         raise _error_about_malformed_mapping(role, text, stamp_text or topic)
-    given, kinds = said.strip().lstrip(",").split(","), tuple(quantities.fields.values())[first_quantity:]
-    if len(given) > len(kinds):
-        wanted = ", ".join(tuple(quantities.fields)[first_quantity:])
-        raise UsageError(f"--map {role}={text}: {len(given)} fields for {wanted}", hint="separate them by commas")
-    terms = tuple(_parse_term(role, text, part.strip(), kind) for part, kind in zip(given, kinds, strict=False))
+    texts, kinds = said.strip().lstrip(",").split(","), tuple(quantities.fields.values())[first_quantity:]
+    if len(texts) > len(kinds):
+        field_names = ", ".join(tuple(quantities.fields)[first_quantity:])
+        raise UsageError(f"--map {role}={text}: {len(texts)} fields for {field_names}", hint="separate them by commas")
+    terms = tuple(_parse_term(role, text, part.strip(), kind) for part, kind in zip(texts, kinds, strict=False))
     unit = NS_PER_TIME_UNIT[stamp["unit"]] if stamp and stamp["unit"] else NS_PER_TIME_UNIT["s"]
     return FieldMapping(
         role, topic, terms, stamp["path"] if stamp else "", unit, tuple(filter(None, files)), text, first_quantity

@@ -119,8 +119,8 @@ def information_age_quantile_s(ages: Sequence[FloatArray], share: float) -> floa
         return float("nan")
     at = np.sort(pieces.reshape(-1))
     rising = np.searchsorted(np.sort(pieces[:, 0]), at, side="right")
-    done = np.searchsorted(np.sort(pieces[:, 1]), at, side="right")
-    below_s = np.concatenate([[0.0], np.cumsum(np.diff(at) * (rising - done)[:-1])])
+    n_ended = np.searchsorted(np.sort(pieces[:, 1]), at, side="right")
+    below_s = np.concatenate([[0.0], np.cumsum(np.diff(at) * (rising - n_ended)[:-1])])
     return float(np.interp(share * below_s[-1], below_s, at))
 
 

@@ -86,12 +86,12 @@ def _join_strings(parts: Sequence[Strings]) -> Strings:
     for part in parts:
         code_of = [index.setdefault(value, len(index)) if value else -1 for value in part.values]
         codes.append(np.array([*code_of, -1], np.int32)[part.codes])
-    joined, names = np.concatenate(codes), tuple(index)
-    used = np.flatnonzero(joined >= 0)
-    number, first = key_numbers_and_rows_of_first_appearance(joined[used])
-    values = tuple(names[code] for code in joined[used[first]].tolist())
-    joined[used] = number
-    return Strings(joined, values)
+    joined_codes, names = np.concatenate(codes), tuple(index)
+    used = np.flatnonzero(joined_codes >= 0)
+    number, first = key_numbers_and_rows_of_first_appearance(joined_codes[used])
+    values = tuple(names[code] for code in joined_codes[used[first]].tolist())
+    joined_codes[used] = number
+    return Strings(joined_codes, values)
 
 
 def hard_braking_known_mask_or_none(

@@ -130,8 +130,8 @@ def join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> Stitch
         root[follower[k]] = root[k]
     distinct_roots, codes_of = np.unique(root, return_inverse=True)
     station = Strings(codes_of.astype(np.int32)[station_of], tuple(names[k] for k in distinct_roots))
-    joined = tuple((names[k], names[follower[k]]) for k in ended)
-    return StitchedSignal(replace(signal, station=station), joined, n_undecided)
+    joined_names = tuple((names[k], names[follower[k]]) for k in ended)
+    return StitchedSignal(replace(signal, station=station), joined_names, n_undecided)
 
 
 def _read_end_messages(signal: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) -> _EndMessages:
@@ -209,8 +209,8 @@ def _squared_distances_of_pairs_or_inf(last_messages: _EndMessages, first_messag
     speed = last_messages.speed_mps + accel * pause_s
     speed = np.where(speed * np.sign(last_messages.speed_mps) >= 0.0, speed, 0.0)  # it stops, and does not turn back
     mean_speed = 0.5 * (last_messages.speed_mps + speed)
-    turned = yaw_rate * pause_s
-    heading = last_messages.heading_rad + 0.5 * turned
+    turned_angle_rad = yaw_rate * pause_s
+    heading = last_messages.heading_rad + 0.5 * turned_angle_rad
     east, north = first_messages.x_m - last_messages.x_m, first_messages.y_m - last_messages.y_m
     along = east * np.cos(heading) + north * np.sin(heading) - mean_speed * pause_s
     across = north * np.cos(heading) - east * np.sin(heading)
@@ -222,7 +222,7 @@ def _squared_distances_of_pairs_or_inf(last_messages: _EndMessages, first_messag
         2.0 * REPORTED_HEADING_SIGMA_RAD**2 + (turning / np.maximum(np.abs(mean_speed), MIN_SPEED_FOR_HEADING_MPS)) ** 2
     )
     across_m = np.hypot(across_m, mean_speed * pause_s * REPORTED_HEADING_SIGMA_RAD)
-    heading_error = wrap_angle(first_messages.heading_rad - last_messages.heading_rad - turned)
+    heading_error = wrap_angle(first_messages.heading_rad - last_messages.heading_rad - turned_angle_rad)
     is_slow = np.minimum(np.abs(mean_speed), np.abs(first_messages.speed_mps)) < MIN_SPEED_FOR_HEADING_MPS
     squared = (
         along**2 / (said_m2 + along_m**2)

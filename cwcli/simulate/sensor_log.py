@@ -99,14 +99,14 @@ def write_simulated_log(
     scenario = drive.scenario
     local_map = LocalMap(*(scenario.origin[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")))
     with LogWriter(target, force=force) as log:
-        written = [
+        topics = [
             *_write_sensor_channels(log, drive, local_map),
             *_write_detection_channels(log, drive),
             *_write_v2x_channel(log, drive, local_map),
             *_write_truth_channels(log, scenario, local_map),
         ]
         log.add_metadata(METADATA_NAME, scenario_record_entries(drive))
-    return tuple(written)
+    return tuple(topics)
 
 
 def scenario_record_entries(drive: SimulatedDrive) -> dict[str, str]:
@@ -143,7 +143,7 @@ def scenario_record_entries(drive: SimulatedDrive) -> dict[str, str]:
 
 def _write_sensor_channels(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
     """Write one channel per sensor of the host."""
-    written = []
+    topics = []
     for sensor, data in drive.sensors.items():
         topic, schema_name = SENSOR_TOPICS[sensor]
         if sensor == "gnss":
@@ -157,13 +157,13 @@ def _write_sensor_channels(log: LogWriter, drive: SimulatedDrive, local_map: Loc
             messages = encode(data)
         schema_id = log.add_schema(schema_name, "ros2msg", ROS_MESSAGE_DEFINITIONS[schema_name].encode())
         log.write_messages(log.add_channel(topic, "cdr", schema_id), data.log_time_ns, messages)
-        written.append(WrittenChannel(topic, schema_name, len(messages), data.n_lost))
-    return written
+        topics.append(WrittenChannel(topic, schema_name, len(messages), data.n_lost))
+    return topics
 
 
 def _write_detection_channels(log: LogWriter, drive: SimulatedDrive) -> list[WrittenChannel]:
     """Write one channel for the lidar and one for the radar, and the true motion of what they detect."""
-    written = []
+    topics = []
     for sensor, scans in drive.detections.items():
         messages = _encode_detections(scans)
         schema_id = log.add_schema(
@@ -171,12 +171,12 @@ def _write_detection_channels(log: LogWriter, drive: SimulatedDrive) -> list[Wri
         )
         channel_id = log.add_channel(DETECTION_TOPICS[sensor], "json", schema_id)
         log.write_messages(channel_id, scans.log_time_ns, messages)
-        written.append(WrittenChannel(DETECTION_TOPICS[sensor], DETECTIONS_SCHEMA_NAME, len(messages), scans.n_lost))
+        topics.append(WrittenChannel(DETECTION_TOPICS[sensor], DETECTIONS_SCHEMA_NAME, len(messages), scans.n_lost))
     if drive.detections and "gnss" not in drive.sensors:
         channel = _target_truth_channel(drive.scenario)
         log.write_columns(channel)
-        written.append(WrittenChannel(channel.topic, channel.schema_name, len(channel), 0))
-    return written
+        topics.append(WrittenChannel(channel.topic, channel.schema_name, len(channel), 0))
+    return topics
 
 
 def _encode_detections(scans: DetectionScans) -> list[bytes]:
@@ -253,12 +253,12 @@ def _write_truth_channels(log: LogWriter, scenario: Scenario, local_map: LocalMa
     groups = [(EGO_TRUTH_TOPIC, {HOST_NAME: scenario.vehicles[HOST_NAME]})] + (
         [(OTHER_VEHICLES_TOPIC, others)] if others else []
     )
-    written = []
+    topics = []
     for topic, vehicles in groups:
         channel = _vehicle_truth_channel(topic, vehicles, time_s, scenario.start_ns, local_map)
         log.write_columns(channel)
-        written.append(WrittenChannel(topic, channel.schema_name, len(channel), 0))
-    return written
+        topics.append(WrittenChannel(topic, channel.schema_name, len(channel), 0))
+    return topics
 
 
 def _vehicle_truth_channel(

@@ -86,13 +86,13 @@ def simulate_detections(
     is_seen &= np.array([other.is_present_at(true_s) for other in others], np.bool_).reshape(is_seen.shape)
     order = np.argsort(plan.arrival_ns, kind="stable")
     order = order[plan.is_heard[order]]
-    seen = is_seen.T[order]
+    is_seen_by_row = is_seen.T[order]
     return DetectionScans(
         sensor=sensor,
         stamp_ns=run.start_ns + plan.stamp_ns[order],
         log_time_ns=run.start_ns + plan.arrival_ns[order],
-        first=np.concatenate([[0], np.cumsum(seen.sum(axis=1))]).astype(np.int64),
-        values=np.swapaxes(values, 0, 1)[order][seen],
+        first=np.concatenate([[0], np.cumsum(is_seen_by_row.sum(axis=1))]).astype(np.int64),
+        values=np.swapaxes(values, 0, 1)[order][is_seen_by_row],
         sigma=sigma,
         n_lost=int(np.count_nonzero(~plan.is_heard)),
     )

@@ -192,16 +192,16 @@ def _sample_line_from_camera(
     cos, sin = np.cos(yaw), np.sin(yaw)
     x0 = truth.x_m[index, run][:, None] + vehicle.camera_forward_m * cos
     y0 = truth.y_m[index, run][:, None] + vehicle.camera_forward_m * sin
-    wanted = np.concatenate([BOUNDARY_SAMPLE_DISTANCES_M, [preview_m]])
-    s = station + wanted
+    distances_m = np.concatenate([BOUNDARY_SAMPLE_DISTANCES_M, [preview_m]])
+    s = station + distances_m
     for _ in range(N_NEWTON_STEPS_TO_FIND_STATION):
         direction = np.interp(s, table, directions)
         dx = np.interp(s, table, xs) - offset_m * np.sin(direction) - x0
         dy = np.interp(s, table, ys) + offset_m * np.cos(direction) - y0
         forward, left = dx * cos + dy * sin, -dx * sin + dy * cos
-        s = s + (wanted - forward) / np.maximum(np.cos(direction - yaw), 0.1)
-    turned = np.interp(s, table, directions) - yaw
-    return left[:, :-1], left[:, -1], turned[:, -1], s[:, -1]
+        s = s + (distances_m - forward) / np.maximum(np.cos(direction - yaw), 0.1)
+    direction_rad = np.interp(s, table, directions) - yaw
+    return left[:, :-1], left[:, -1], direction_rad[:, -1], s[:, -1]
 
 
 def _boundary_fit_matrix() -> FloatArray:

@@ -166,14 +166,14 @@ def _state_derivative(
     course = heading + lateral / ve
     ahead = road.curvature_at_1pm(station + v * driver.look_ahead_s)
     correct = driver.correcting_curvature_1pm(ve, offset - target, course - rate / ve)
-    wanted = (vehicle.wheelbase_m + understeer_gradient_rad_per_mps2(vehicle) * v**2) * (
+    steering_rad = (vehicle.wheelbase_m + understeer_gradient_rad_per_mps2(vehicle) * v**2) * (
         ahead + correct + unrest / ve**2
     )
     along = (v * np.cos(heading) - lateral * np.sin(heading)) / (1.0 - offset * road.curvature_at_1pm(station))
     return np.stack(
         [
             *lateral_accel_mps2_and_yaw_accel_radps2(vehicle, v, lateral, yaw_rate, steer),
-            (wanted - steer) / driver.lag_s,
+            (steering_rad - steer) / driver.lag_s,
             along,
             v * np.sin(heading) + lateral * np.cos(heading),
             yaw_rate - road.curvature_at_1pm(station) * along,

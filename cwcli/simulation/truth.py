@@ -178,8 +178,8 @@ def _merge_profile_pieces(profile: MotionProfile, heading_rad: float) -> _Profil
         w = polymul(turn, v) if turn_piece.is_curvature else turn  # yaw rate = curvature * speed
         speed[i, : len(v)], yaw_rate[i, : len(w)] = v, w
     spans = np.diff(edges)
-    turned = spans * _evaluate_polynomials(yaw_rate / _YAW_RATE_INTEGRAL_DIVISORS, np.arange(len(spans)), spans)
-    headings = heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
+    turned_rad = spans * _evaluate_polynomials(yaw_rate / _YAW_RATE_INTEGRAL_DIVISORS, np.arange(len(spans)), spans)
+    headings = heading_rad + np.concatenate([[0.0], np.cumsum(turned_rad)])
     return _ProfilePolynomials(edges, speed, yaw_rate, headings)
 
 

@@ -158,16 +158,16 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     with part_of_work(0.1, 0.7 if sources.by_role.get(Role.REMOTE) else 0.95):
         estimated = _estimate_ego(sources, estimator, config.rate_hz)
     sources, estimated = _undo_exchanged_or_reversed_coordinates(sources, estimated, estimator, config.rate_hz)
-    measurements, local_map, apart = estimated.measurements, estimated.local_map, estimated.notes
+    measurements, local_map, stretch_notes = estimated.measurements, estimated.local_map, estimated.notes
     ego, online = estimated.hindsight, estimated.online
     position = sources.by_role[Role.EGO_POSITION][0]
     remote_signals = sources.by_role.get(Role.REMOTE, ())
     signal, notes = merge_remotes_placed_in_map_and_note(remote_signals, position, local_map, is_stitched=config.stitch)
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
     if signal is not None:
-        signal, seen = drop_ego_seen_by_others_and_note(signal, online, size_m, local_map)
+        signal, ego_notes = drop_ego_seen_by_others_and_note(signal, online, size_m, local_map)
         signal, twice = drop_senders_seen_by_others_and_note(signal, local_map)
-        notes = (*notes, *seen, *twice)
+        notes = (*notes, *ego_notes, *twice)
     remote = None
     if signal is not None and len(signal.stamp_ns):
         with part_of_work(0.7, 0.95, "vehicles"):
@@ -190,7 +190,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     if remote is not None:
         channels.append(make_vehicle_state_channel(REMOTE_STATE, remote.hindsight, local_map))
         channels.append(make_vehicle_state_channel(REMOTE_ONLINE, remote.online, local_map))
-    judged = replace(ego, state=hindsight.state, covariance=np.asarray(hindsight.covariance))
+    hindsight_states = replace(ego, state=hindsight.state, covariance=np.asarray(hindsight.covariance))
     tracks = {EGO_ID: summarise_track(ego), **(remote.tracks if remote else {})}
     notified = road_event_table_by_name(events, local_map)
     parameters = parameter_origin_text(estimator)
@@ -203,12 +203,12 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             OnlineAvailability(REMOTE_ONLINE.topic, of_remote, remote.online.stamp_ns, remote.online.log_time_ns)
         )
         if remote.n_overtaken:
-            apart.append(
+            stretch_notes.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
     summary = _build_summary(
         sources,
-        (*lever_arm_notes, *apart, *notes),
+        (*lever_arm_notes, *stretch_notes, *notes),
         tracks,
         availabilities,
         transforms,
@@ -231,7 +231,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             **calibration_record_entry(config.calibration),
         ),
         evaluation_inputs=EstimateEvidence(
-            sources.by_role.get(Role.TRUTH, ()), remote_signals, measurements, judged, local_map
+            sources.by_role.get(Role.TRUTH, ()), remote_signals, measurements, hindsight_states, local_map
         ),
     )
 
@@ -265,7 +265,7 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
         corrects=corrects_clocks,
         trusted=estimator.sources_with_trusted_clock,
     )
-    measurements, apart = drop_stretches_without_position_and_note(aligned, MAX_BRIDGED_SENSOR_PAUSE_S)
+    measurements, stretch_notes = drop_stretches_without_position_and_note(aligned, MAX_BRIDGED_SENSOR_PAUSE_S)
     tracks = estimate_hindsight_and_online_tracks(
         measurements,
         estimator,
@@ -273,7 +273,7 @@ def _estimate_ego(sources: SensorSignals, estimator: EstimatorConfig, rate_hz: f
         blind=estimator.takes_no_online_parameter_from_log,
     )
     corrections = clock_notes if corrects_clocks else []
-    notes = apart if corrects_clocks else [*clock_notes, *apart]
+    notes = stretch_notes if corrects_clocks else [*clock_notes, *stretch_notes]
     return _EstimatedEgo(measurements, local_map, corrections, notes, *tracks)
 
 

@@ -125,8 +125,8 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     if config.with_sigma:
         pairs = add_sigmas_of_extremes(log, tracks, pairs, chosen)
     series = measure_series_table(tracks.ego_id, pairs, chosen)
-    judged = _judge_conflicts(tracks, pairs)
-    sections = (_encounters_table(pairs, log.start_ns), *_driver_models_table(judged, log.start_ns))
+    judged_conflicts = _judge_conflicts(tracks, pairs)
+    sections = (_encounters_table(pairs, log.start_ns), *_driver_models_table(judged_conflicts, log.start_ns))
     summary = StageSummary("measure", sections, counts, (*bound.notes, *notes))
     return StageResult(
         stage="measure",
@@ -134,7 +134,7 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
         tables={
             "measures": series,
             "extremes": measure_extremes_table(tracks.ego_id, pairs, chosen),
-            "preventability": preventability_table(tracks.ego_id, judged),
+            "preventability": preventability_table(tracks.ego_id, judged_conflicts),
         },
         summary=summary,
         metadata=build_run_record("measure", log, config, summary),
@@ -167,7 +167,7 @@ def _measure_pairs_and_note(tracks: TracksOfLog, chosen: Mapping[str, Measure]) 
 
 def _judge_conflicts(tracks: TracksOfLog, pairs: Sequence[MeasuredPair]) -> list[JudgedConflict]:
     """Judge each encounter in which the outlines touched or the time to collision was below `MAX_TTC_OF_CONFLICT_S`."""
-    judged = []
+    judged_conflicts = []
     for pair in pairs:
         if not {"gap", "ttc"} <= set(pair.values):
             continue
@@ -182,8 +182,8 @@ def _judge_conflicts(tracks: TracksOfLog, pairs: Sequence[MeasuredPair]) -> list
             touching = pair.stamp_ns[rows & (pair.values["gap"] <= 0.0)]
             at_ns = int(touching[0]) if len(touching) else extreme.stamp_ns
             verdicts = tuple(judge_preventability(tracks.pair_with_ego(pair.other_id), at_ns))
-            judged.append(JudgedConflict(pair.other_id, at_ns, verdicts))
-    return sorted(judged, key=lambda each: each.conflict_ns)
+            judged_conflicts.append(JudgedConflict(pair.other_id, at_ns, verdicts))
+    return sorted(judged_conflicts, key=lambda each: each.conflict_ns)
 
 
 def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tuple[SummaryTable, ...]:

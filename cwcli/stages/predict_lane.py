@@ -192,7 +192,7 @@ def predict_ego_path_from_lateral_motion(log: Log, config: PredictLaneConfig) ->
         states = read_vehicle_states(columns).sort_by_stamp_without_repeats()
         in_map = body_poses_from_states(states.stamp_ns, states.state, observed.track)
     poses = in_map or dead_reckoned_poses(observed.track)
-    placed, count = _place_paths_in_map_and_count(body, poses, has_state, topic)
+    map_paths, count = _place_paths_in_map_and_count(body, poses, has_state, topic)
     drawn: tuple[StreamedChannel, ...] = ()
     notes_of_drawing: tuple[str, ...] = ()
     if config.render is not None or has_output_of_lanes_stage(log):
@@ -219,7 +219,7 @@ def predict_ego_path_from_lateral_motion(log: Log, config: PredictLaneConfig) ->
     evidence = LanePathEvidence(
         body, poses, sources.by_role.get(Role.TRUTH, ()), sources.columns.get(Role.LATERAL_TRUTH)
     )
-    return StageResult("predict-lane", (placed, *drawn), {}, summary, record, evaluation_inputs=evidence)
+    return StageResult("predict-lane", (map_paths, *drawn), {}, summary, record, evaluation_inputs=evidence)
 
 
 predict_lane = predict_ego_path_from_lateral_motion

@@ -86,9 +86,12 @@ def rows_and_columns_assigned_in_groups(gain: FloatArray) -> tuple[Int64Array, I
     columns = np.flatnonzero((small > 0.0).any(axis=0))
     small = small[:, columns]
     useful = small > 0.0
-    alone = (useful.sum(axis=1) == 1) & (useful[:, useful.sum(axis=0) == 1].any(axis=1))
-    a, b = [rows[alone]], [columns[np.argmax(useful[alone], axis=1)]] if alone.any() else [np.zeros(0, np.int64)]
-    rest = np.flatnonzero(~alone)
+    is_only_choice = (useful.sum(axis=1) == 1) & (useful[:, useful.sum(axis=0) == 1].any(axis=1))
+    a, b = (
+        [rows[is_only_choice]],
+        [columns[np.argmax(useful[is_only_choice], axis=1)]] if is_only_choice.any() else [np.zeros(0, np.int64)],
+    )
+    rest = np.flatnonzero(~is_only_choice)
     for group in _group_rows_by_shared_columns(useful[rest]) if len(rest) else []:
         members = rest[group]
         mine = np.flatnonzero(useful[members].any(axis=0))

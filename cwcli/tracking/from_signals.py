@@ -69,7 +69,7 @@ def build_sensor_models(
 
 def _build_sensor_model(source: str, setting: SensorSetting, frame: str, carrier: str) -> SensorModel:
     """Build the model of one sensor; a `UsageError` if a value does not fit."""
-    given = {
+    given_values = {
         "x_m": setting.x_m,
         "y_m": setting.y_m,
         "yaw_rad": setting.yaw_rad,
@@ -77,7 +77,7 @@ def _build_sensor_model(source: str, setting: SensorSetting, frame: str, carrier
         "field_of_view_rad": setting.field_of_view_rad,
         "detection_probability": setting.detection_probability,
     }
-    numbers = {name: value for name, value in given.items() if value is not None}
+    numbers = {name: value for name, value in given_values.items() if value is not None}
     try:
         return SensorModel(
             axes=setting.axes,

@@ -105,20 +105,20 @@ class TargetMoments:
     def interpolate_at(self, stamp_ns: Int64Array, *, max_gap_s: float = 0.5) -> TargetMoments:
         """Interpolate each id at the stamps within its life, linearly between its rows, not across longer gaps."""
         stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
-        wanted = sort_distinct_values(stamp_ns)
+        distinct_stamp_ns = sort_distinct_values(stamp_ns)
         for k in sort_distinct_values(self.id).tolist():
             mine = np.flatnonzero(self.id == k)
             mine = mine[np.argsort(self.stamp_ns[mine], kind="stable")]
             known = self.stamp_ns[mine]
-            here = wanted[(wanted >= known[0]) & (wanted <= known[-1])]
-            right = np.searchsorted(known, here)
-            left = np.where(known[right] == here, right, right - 1)
+            inner_stamp_ns = distinct_stamp_ns[(distinct_stamp_ns >= known[0]) & (distinct_stamp_ns <= known[-1])]
+            right = np.searchsorted(known, inner_stamp_ns)
+            left = np.where(known[right] == inner_stamp_ns, right, right - 1)
             near = (known[right] - known[left]) * 1e-9 <= max_gap_s
-            here, left, right = here[near], left[near], right[near]
+            inner_stamp_ns, left, right = inner_stamp_ns[near], left[near], right[near]
             span = np.maximum(known[right] - known[left], 1)
-            part = ((here - known[left]) / span)[:, None]
-            stamps.append(here)
-            ids.append(np.full(len(here), k))
+            part = ((inner_stamp_ns - known[left]) / span)[:, None]
+            stamps.append(inner_stamp_ns)
+            ids.append(np.full(len(inner_stamp_ns), k))
             states.append((1.0 - part) * self.state[mine[left]] + part * self.state[mine[right]])
         return TargetMoments(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
 
@@ -134,7 +134,7 @@ def score_tracks(
     moments = sort_distinct_values(truth.stamp_ns)
     parts = np.zeros((len(moments), 4))
     numbers = np.zeros((len(moments), 2), np.int64)
-    held: dict[int, int] = {}
+    track_of_target: dict[int, int] = {}
     switches: dict[int, int] = {}
     errors: dict[int, list[FloatArray]] = {int(k): [] for k in sort_distinct_values(truth.id)}
     truth_rows, track_rows = _rows_at_moments(truth.stamp_ns, moments), _rows_at_moments(tracks.stamp_ns, moments)
@@ -148,8 +148,8 @@ def score_tracks(
         for u, v in zip(a[i].tolist(), b[j].tolist(), strict=True):
             target, track = int(truth.id[u]), int(tracks.id[v])
             errors[target].append(tracks.state[v, :4] - truth.state[u, :4])
-            switches[target] = switches.get(target, 0) + (held.get(target, track) != track)
-            held[target] = track
+            switches[target] = switches.get(target, 0) + (track_of_target.get(target, track) != track)
+            track_of_target[target] = track
     targets = tuple(_errors_of_target(truth, k, rows, switches.get(k, 0)) for k, rows in errors.items())
     return TrackingScores(
         moments, parts[:, 0], parts[:, 1], parts[:, 2], parts[:, 3], numbers[:, 0], numbers[:, 1], targets,

@@ -197,15 +197,19 @@ def _measurement_covariances(data: Detections, model: SensorModel, counts: Detec
     out = np.tile(np.diag(np.square(sigma[:width])), (n, 1, 1))
     if data.covariance is None or not n:
         return out
-    given = np.isfinite(data.covariance).all(axis=(1, 2)) & (data.covariance != 0.0).any(axis=(1, 2))
+    has_covariance = np.isfinite(data.covariance).all(axis=(1, 2)) & (data.covariance != 0.0).any(axis=(1, 2))
     diagonal = np.diagonal(data.covariance, axis1=1, axis2=2)
-    sane = given & (np.abs(data.covariance) < MAX_VARIANCE).all(axis=(1, 2)) & (diagonal > MIN_VARIANCE).all(axis=1)
+    sane = (
+        has_covariance
+        & (np.abs(data.covariance) < MAX_VARIANCE).all(axis=(1, 2))
+        & (diagonal > MIN_VARIANCE).all(axis=1)
+    )
     mirrored = out.copy()
     mirrored[sane] = 0.5 * (data.covariance[sane] + data.covariance[sane].transpose(0, 2, 1))
     scale = np.sqrt(np.diagonal(mirrored, axis1=1, axis2=2))
     good = np.linalg.eigvalsh(mirrored / (scale[:, :, None] * scale[:, None, :]))[:, 0] > 1e-9
     counts.count_repaired(
-        "covariance not positive or absurd, the sensor's noise used", int((given & ~(sane & good)).sum())
+        "covariance not positive or absurd, the sensor's noise used", int((has_covariance & ~(sane & good)).sum())
     )
     out[good] = mirrored[good]
     return out
@@ -348,7 +352,7 @@ def prepare_detections(
         return PreparedDetections(
             rows, Scans(empty, empty, np.zeros(1, np.int64), np.zeros((0, 3))), (), {}, ego is not None
         )
-    joined = DetectionRows(
+    joined_rows = DetectionRows(
         np.concatenate([p.stamp_ns for p in parts]),
         np.concatenate([p.source for p in parts]),
         np.concatenate([p.kind for p in parts]),
@@ -358,6 +362,6 @@ def prepare_detections(
         np.concatenate([p.index for p in parts]),
         sources,
     )
-    rows = joined.select_rows(np.lexsort((joined.source, joined.stamp_ns)))
+    rows = joined_rows.select_rows(np.lexsort((joined_rows.source, joined_rows.stamp_ns)))
     extra = [(k, d.scan_stamp_ns) for k, d in enumerate(detections) if d.scan_stamp_ns is not None]
     return PreparedDetections(rows, _collect_scans(rows, extra, models, ego), models, counts, ego is not None)

@@ -72,13 +72,13 @@ def _log_odds_of_probability(probability: float) -> float:
 def in_view_mask(states: FloatArray, sensor_x_y_yaw: FloatArray, model: SensorModel) -> Mask:
     """Whether the sensor at `sensor_x_y_yaw` (x, y, yaw) can see the position of each state."""
     dx, dy = states[:, 0] - sensor_x_y_yaw[0], states[:, 1] - sensor_x_y_yaw[1]
-    seen: Mask = dx * dx + dy * dy <= model.max_range_m**2
+    is_in_view: Mask = dx * dx + dy * dy <= model.max_range_m**2
     if model.field_of_view_rad < 2.0 * np.pi:
         axes = 0.0 if model.axes == "body" else np.pi / 2
         off = np.arctan2(dy, dx) - sensor_x_y_yaw[2] - axes
         off -= 2.0 * np.pi * np.floor((off + np.pi) / (2.0 * np.pi))
-        seen &= np.abs(off) <= 0.5 * model.field_of_view_rad
-    return seen
+        is_in_view &= np.abs(off) <= 0.5 * model.field_of_view_rad
+    return is_in_view
 
 
 class ScanLoop:
@@ -133,9 +133,9 @@ class ScanLoop:
         living, model = self.living, self.prepared.models[source]
         n = living.n
         x, p, odds = living.x[:n], living.p[:n], living.log_odds[:n]
-        seen = in_view_mask(x, sensor_x_y_yaw, model)
+        is_in_view = in_view_mask(x, sensor_x_y_yaw, model)
         chance = model.detection_probability
-        miss = np.where(seen, np.log1p(-chance * self.config.single.gate_probability), 0.0)
+        miss = np.where(is_in_view, np.log1p(-chance * self.config.single.gate_probability), 0.0)
         gain = kernel.score_many(self.filter, x, p, self.rows, first, last)
         gain += np.log(chance / self.density[source])
         track, row = self._pairs_of_assigned_tracks_and_rows(gain - miss[:, None])
@@ -145,7 +145,7 @@ class ScanLoop:
         odds[missed] += miss[missed]
         odds[track] += gain[track, row]
         np.minimum(odds, _MAX_LOG_ODDS, out=odds)
-        living.misses[:n][missed & seen] += 1
+        living.misses[:n][missed & is_in_view] += 1
         living.misses[track] = 0
         living.last_hit_ns[track] = stamp
         self.row_key[first + row] = living.key[track]

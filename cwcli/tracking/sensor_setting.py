@@ -136,14 +136,14 @@ def parse_sensor_settings(entries: Sequence[str]) -> dict[str, SensorSetting]:
 def _parse_setting_values(entry: str, text: str) -> dict[str, Any]:
     """Parse the `KEY=VALUE,..` part of an entry to fields of the setting."""
     values: dict[str, Any] = {}
-    seen: set[str] = set()
+    seen_names: set[str] = set()
     for part in text.split(","):
         key, _, value = part.strip().partition("=")
         if key not in _SETTING_PARSERS:
             raise UsageError(f"--sensor {entry!r}: unknown key {key!r}", hint=f"keys: {', '.join(_SETTING_PARSERS)}")
-        if key in seen:
+        if key in seen_names:
             raise UsageError(f"--sensor {entry!r}: {key} comes twice")
-        seen.add(key)
+        seen_names.add(key)
         try:
             values.update(_SETTING_PARSERS[key](value))
         except ValueError:

@@ -178,7 +178,7 @@ def _rows_at_all_scans(prepared: PreparedDetections, which: Int64Array, last_ns:
     inside = times[(times > rows.stamp_ns[0]) & (times <= last_ns)]
     empty = np.setdiff1d(inside, rows.stamp_ns)
     m = len(empty)
-    joined = DetectionRows(
+    joined_rows = DetectionRows(
         np.concatenate([rows.stamp_ns, empty]),
         np.concatenate([rows.source, np.full(m, -1)]),
         np.concatenate([rows.kind, np.full(m, RowKind.NOTHING, np.int8)]),
@@ -188,7 +188,7 @@ def _rows_at_all_scans(prepared: PreparedDetections, which: Int64Array, last_ns:
         np.concatenate([rows.index, np.full(m, -1)]),
         rows.sources,
     )
-    return joined.select_rows(np.argsort(joined.stamp_ns, kind="stable"))
+    return joined_rows.select_rows(np.argsort(joined_rows.stamp_ns, kind="stable"))
 
 
 def _filter_one_track_with_rows_and_output(

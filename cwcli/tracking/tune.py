@@ -52,8 +52,8 @@ def scale_sigmas(rows: DetectionRows, scale: Mapping[str, tuple[float, ...]]) ->
         if name not in scale:
             continue
         factors = np.ones(3)
-        given = scale[name]
-        factors[: 2 if len(given) == 1 else 3] = given[0] if len(given) == 1 else given
+        stated_scale = scale[name]
+        factors[: 2 if len(stated_scale) == 1 else 3] = stated_scale[0] if len(stated_scale) == 1 else stated_scale
         r[rows.source == k] *= np.outer(factors, factors)
     return replace(rows, r=r)
 

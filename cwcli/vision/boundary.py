@@ -70,5 +70,5 @@ NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
 def replace_parabola_of_boundary(boundary: Boundary, a_per_px: float, b_slope: float, c_px: float) -> Boundary:
     """The boundary with another parabola; one that was not found, or has no parabola now, stays or becomes so."""
     found = boundary.found and isfinite(a_per_px) and isfinite(b_slope) and isfinite(c_px)
-    moved = replace(boundary, a=a_per_px, b=b_slope, c=c_px, found=found)
-    return moved if found else replace(moved, kind=LineKind.UNKNOWN, colour=LineColour.UNKNOWN)
+    replaced = replace(boundary, a=a_per_px, b=b_slope, c=c_px, found=found)
+    return replaced if found else replace(replaced, kind=LineKind.UNKNOWN, colour=LineColour.UNKNOWN)

@@ -98,7 +98,7 @@ class FitCollector:
     def to_columns(self) -> FitColumns:
         """All fits so far as columns."""
         table = np.array(self._numbers, np.float64).reshape(-1, _NUMBERS_PER_FIT)
-        alone = table[:, N_SIDES * _NUMBERS_PER_SIDE :]
+        whole_lane_columns = table[:, N_SIDES * _NUMBERS_PER_SIDE :]
         sides = table[:, : N_SIDES * _NUMBERS_PER_SIDE].reshape(-1, N_SIDES, _NUMBERS_PER_SIDE)
         return FitColumns(
             parabolas=sides[..., :3],
@@ -108,13 +108,13 @@ class FitCollector:
             kind=sides[..., 6].astype(np.int8),
             colour=sides[..., 7].astype(np.int8),
             covariance=sides[..., 8:].reshape(-1, N_SIDES, 3, 3),
-            pitch_rad=alone[:, 0],
-            yaw_rad=alone[:, 1],
-            state=alone[:, 2].astype(np.int8),
-            steady_s=alone[:, 3],
-            lane_change=alone[:, 4].astype(np.int8),
-            roads=alone[:, 5 : 5 + _ROAD_NUMBERS_PER_FIT].reshape(-1, N_SIDES, _NUMBERS_PER_ROAD),
-            joint_covariance=alone[:, 5 + _ROAD_NUMBERS_PER_FIT :].reshape(
+            pitch_rad=whole_lane_columns[:, 0],
+            yaw_rad=whole_lane_columns[:, 1],
+            state=whole_lane_columns[:, 2].astype(np.int8),
+            steady_s=whole_lane_columns[:, 3],
+            lane_change=whole_lane_columns[:, 4].astype(np.int8),
+            roads=whole_lane_columns[:, 5 : 5 + _ROAD_NUMBERS_PER_FIT].reshape(-1, N_SIDES, _NUMBERS_PER_ROAD),
+            joint_covariance=whole_lane_columns[:, 5 + _ROAD_NUMBERS_PER_FIT :].reshape(
                 -1, _JOINT_COVARIANCE_SIZE, _JOINT_COVARIANCE_SIZE
             ),
         )

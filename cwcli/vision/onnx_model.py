@@ -167,8 +167,8 @@ class LaneNet:
 
         shape = self.description
         height, width = grey.shape
-        seen = grey[height - shape.height_px :].astype(np.float32) / np.float32(255.0)
-        blob = (seen[None] - shape.mean[:, None, None]) / shape.std[:, None, None]
+        network_input = grey[height - shape.height_px :].astype(np.float32) / np.float32(255.0)
+        blob = (network_input[None] - shape.mean[:, None, None]) / shape.std[:, None, None]
         output = _run_net(self.path, self._net, np.ascontiguousarray(blob[None], np.float32), shape.output)
         if len(output.shape) != 4 or any(
             length not in (None, found)
@@ -360,13 +360,13 @@ def read_onnx_input_shape(data: bytes) -> tuple[int | None, ...]:
     """
     try:
         graph = _protobuf_field_values(data, 7)[0]
-        given = {
+        stated_shape = {
             bytes(_protobuf_field_values(tensor, 8)[0]) for tensor in _protobuf_field_values(graph, 5)
         }  # old files list their weights as inputs
         inputs = [
             value
             for value in _protobuf_field_values(graph, 11)
-            if bytes(_protobuf_field_values(value, 1)[0]) not in given
+            if bytes(_protobuf_field_values(value, 1)[0]) not in stated_shape
         ]
         dims = _protobuf_field_values(
             _protobuf_field_values(_protobuf_field_values(_protobuf_field_values(inputs[0], 2)[0], 1)[0], 2)[0], 1

@@ -122,7 +122,7 @@ def encode_jpeg(image: Image) -> Image:
     """The image as a JPEG file, shape (bytes,), uint8."""
     import cv2
 
-    done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    if not done:
+    is_encoded, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    if not is_encoded:
         raise RuntimeError("OpenCV could not encode a JPEG")
     return np.asarray(data, np.uint8).reshape(-1)

@@ -166,10 +166,16 @@ def draw_path(image: Image, lines: PathLines) -> Image:
         drawn = np.asarray(cv2.addWeighted(filled, BAND_OPACITY, drawn, 1.0 - BAND_OPACITY, 0.0), np.uint8)
     for name, width in (("left", thin), ("right", thin), ("centre", 2 * thin)):
         points = lines.points[PATH_LINE_NAMES.index(name)]
-        there = points[np.isfinite(points).all(axis=1)]
-        if len(there) > 1:
+        finite_points = points[np.isfinite(points).all(axis=1)]
+        if len(finite_points) > 1:
             cv2.polylines(
-                drawn, [_image_points_as_fixed_point_numbers(there)], False, colour, width, cv2.LINE_AA, N_FRACTION_BITS
+                drawn,
+                [_image_points_as_fixed_point_numbers(finite_points)],
+                False,
+                colour,
+                width,
+                cv2.LINE_AA,
+                N_FRACTION_BITS,
             )
     return drawn
 

@@ -83,9 +83,9 @@ def lowest_visible_row_px(camera: Camera) -> float:
     ) @ _camera_from_rectified_rotation(camera)
     with np.errstate(divide="ignore", invalid="ignore"):
         v_px = camera.cy + camera.fy * rays[:, 1] / rays[:, 2]
-    seen = v_px[np.isfinite(v_px) & (rays[:, 2] > 0.0)]
+    visible_rows_px = v_px[np.isfinite(v_px) & (rays[:, 2] > 0.0)]
     last = camera.height_px - 1.0
-    return float(np.clip(seen.max(initial=last), last, last + MAX_BELOW_IMAGE_SHARE * camera.height_px))
+    return float(np.clip(visible_rows_px.max(initial=last), last, last + MAX_BELOW_IMAGE_SHARE * camera.height_px))
 
 
 def in_image_mask(points_px: FloatArray, camera: Camera) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

@@ -125,9 +125,9 @@ def _rows_and_paths_in_one_stream(
     pairs: PathPairs, rows: np.ndarray, time_s: FloatArray
 ) -> tuple[np.ndarray, PathPoints, PathPoints]:
     """Those of the rows whose other drives the host's way or stands, and the points of both paths."""
-    now = np.zeros(1)
-    own = interpolate_paths(pairs.host, pairs.host_row[rows], np.zeros(len(rows)), now)
-    theirs = interpolate_paths(pairs.other, pairs.other_row[rows], pairs.age_s[rows], now)
+    zero_age_s = np.zeros(1)
+    own = interpolate_paths(pairs.host, pairs.host_row[rows], np.zeros(len(rows)), zero_age_s)
+    theirs = interpolate_paths(pairs.other, pairs.other_row[rows], pairs.age_s[rows], zero_age_s)
     turn = np.cos(theirs.heading_rad[:, 0] - own.heading_rad[:, 0])
     is_standing = np.abs(theirs.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
     rows_in_stream = rows[is_standing | (turn > np.cos(MAX_HEADING_DIFFERENCE_IN_STREAM_RAD))]

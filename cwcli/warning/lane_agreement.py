@@ -46,8 +46,8 @@ def agreement_duration_of_left_and_right_s(
         agree_s: For how long a boundary must have been seen without a jump.
     """
     n, least_s = len(stamp_ns), agree_s - 1e-9
-    seen = np.ones(n, np.bool_) if is_seen is None else is_seen
-    agreed = [agreement_duration_s(stamp_ns, line[:, 0], seen) for line in left_and_right_lines]
+    has_frame = np.ones(n, np.bool_) if is_seen is None else is_seen
+    agreed = [agreement_duration_s(stamp_ns, line[:, 0], has_frame) for line in left_and_right_lines]
     if steady_s is not None:
         agreed = [np.fmin(each, steady_s) for each in agreed]
     left, right = (np.where(each >= least_s, each, -1.0) for each in agreed)
@@ -66,14 +66,14 @@ def agreement_duration_s(stamp_ns: Int64Array, place_m: FloatArray, is_seen: Boo
         Shape (n,), seconds; -1 where it is not seen.
     """
     n = len(stamp_ns)
-    seen = is_seen & np.isfinite(place_m)
+    is_known = is_seen & np.isfinite(place_m)
     dt_s = np.diff(stamp_ns) / NS_PER_S
     with np.errstate(invalid="ignore"):
         agrees = np.abs(np.diff(place_m)) <= MAX_BOUNDARY_STEP_M + MAX_BOUNDARY_SPEED_MPS * dt_s
     goes_on = np.zeros(n, np.bool_)
-    goes_on[1:] = seen[1:] & seen[:-1] & agrees & (dt_s <= MAX_GAP_BETWEEN_COMPARED_FRAMES_S)
+    goes_on[1:] = is_known[1:] & is_known[:-1] & agrees & (dt_s <= MAX_GAP_BETWEEN_COMPARED_FRAMES_S)
     begin = np.maximum.accumulate(np.where(goes_on, 0, np.arange(n)))
-    return np.where(seen, (stamp_ns - stamp_ns[begin]) / NS_PER_S if n else 0.0, -1.0)
+    return np.where(is_known, (stamp_ns - stamp_ns[begin]) / NS_PER_S if n else 0.0, -1.0)
 
 
 def approach_speed_bound_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: FloatArray) -> FloatArray:
@@ -88,14 +88,14 @@ def approach_speed_bound_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: 
         Shape (n,); infinite with two frames or fewer.
     """
     n = len(stamp_ns)
-    now = np.arange(n)
+    row_numbers = np.arange(n)
     first = np.searchsorted(
         stamp_ns, stamp_ns - (np.clip(agreed_s, 0.0, APPROACH_WINDOW_S) * NS_PER_S + 1.0).astype(np.int64)
     )
     sums = np.zeros((6, n))
-    for back in range(int(np.max(now - first, initial=-1)) + 1):
-        at = np.maximum(now - back, 0)
-        known = (at >= first) & (now >= back) & np.isfinite(gap_m[at])
+    for back in range(int(np.max(row_numbers - first, initial=-1)) + 1):
+        at = np.maximum(row_numbers - back, 0)
+        known = (at >= first) & (row_numbers >= back) & np.isfinite(gap_m[at])
         time = (stamp_ns[at] - stamp_ns) / NS_PER_S
         gap = np.where(known, gap_m[at], 0.0)
         terms = np.stack([np.ones(n), time, gap, gap**2, time * gap, time**2])

@@ -287,10 +287,10 @@ def _evaluate_side(
         leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps) & comes
         fast = speed_mps >= config.min_speed_mps
         raised = near & (over | leaving) & fast & (agreed_s >= 0.0)
-        held = (gap[:, 0] < config.release_m) | ((crossing <= config.effective_release_s) & (rate > 0.0))
-        held &= speed_mps >= config.min_speed_mps - config.speed_hysteresis_mps
+        is_held = (gap[:, 0] < config.release_m) | ((crossing <= config.effective_release_s) & (rate > 0.0))
+        is_held &= speed_mps >= config.min_speed_mps - config.speed_hysteresis_mps
     timing = EventTiming(stamp_ns, config.persistence_s, config.hold_off_s)
-    spans = find_events(stamp_ns, raised, raised, held, timing)
+    spans = find_events(stamp_ns, raised, raised, is_held, timing)
     return _SideEvaluation(gap[:, 0], rate, crossing, last_known_gap_m(gap), chance, spans)
 
 

@@ -240,8 +240,8 @@ def _first_overlap_time_s(
     hits = np.flatnonzero(touching.any(axis=1))
     first = touching[hits].argmax(axis=1)
     before = np.maximum(first - 1, 0)
-    apart, inside = margin[hits, before], margin[hits, first]
+    margin_before, inside = margin[hits, before], margin[hits, first]
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(first > 0, apart / (apart - inside), 0.0)
+        share = np.where(first > 0, margin_before / (margin_before - inside), 0.0)
     out[rows[hits]] = time_s[before] + share * (time_s[first] - time_s[before])
     return out

@@ -175,14 +175,14 @@ def _evaluate_window(
     sizes = host.length_and_width_m, other.length_and_width_m
     measures, beyond = _measures_and_short_paths_coarse_then_fine(window.points, theirs, near, time_s, config, sizes)
     pairs = PathPairs(window.paths, theirs, *near, *sizes)
-    judged = partial(
+    judge_at_times = partial(
         add_contact_probabilities,
         time_s=time_s,
         horizon_s=config.horizon_s,
         min_probability_to_brake=config.probability,
         braking_deceleration_mps2=config.min_deceleration_mps2 if rule.uses_braking else 0.0,
     )
-    measures = judged(measures, pairs)
+    measures = judge_at_times(measures, pairs)
     onset = None
     if rule.uses_onset and other.onset_paths is not None:
         begun = other.onset_paths.take(chosen)
@@ -190,7 +190,7 @@ def _evaluate_window(
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_PATH_ADVANTAGE_M
         nearer &= np.abs(other.state[other_row, SPEED]) > STANDSTILL_SPEED_MPS
         begun_pairs = replace(pairs, other=begun)
-        onset = judged(onset, begun_pairs, is_wanted=nearer)
+        onset = judge_at_times(onset, begun_pairs, is_wanted=nearer)
         if looks_farther:
             onset = replace(
                 onset, farther=measure_to_braking_horizon(onset, begun_pairs, config, persistence_s, is_wanted=nearer)
@@ -236,14 +236,14 @@ def _join_windows(
         WarningKind.HOST_STANDS: config.while_standing,
     }
     off = [kind for kind, is_on in is_kind_on.items() if not is_on]
-    given = leave_out_raised_warnings(trusted, np.isin(kinds, off)) if kinds.any() else trusted
+    trusted_warnings = leave_out_raised_warnings(trusted, np.isin(kinds, off)) if kinds.any() else trusted
 
     def spans_of(each: Decision) -> list[EventSpan]:
         timing = EventTiming(host.stamp_ns, persistence_s, config.hold_off_s)
         return find_events(stamp_ns, each.armed, each.raised, each.held, at_once=each.at_once, timing=timing)
 
-    spans, spans_of_all = spans_of(given), spans_of(decision)
-    spans_of_trusted = spans if given is trusted else spans_of(trusted)
+    spans, spans_of_all = spans_of(trusted_warnings), spans_of(decision)
+    spans_of_trusted = spans if trusted_warnings is trusted else spans_of(trusted)
     return PairEvaluation(
         other=other,
         stamp_ns=stamp_ns,
@@ -251,7 +251,7 @@ def _join_windows(
         known_ns=host.known_ns[host_row],
         age_s=np.concatenate([part.age_s for part in parts]),
         measures=measures,
-        decision=given,
+        decision=trusted_warnings,
         spans=spans,
         is_withheld=is_withheld,
         n_evaluated=len(pairing.host_row),
@@ -289,9 +289,11 @@ def _within_reach_mask(
     """Whether the paths of each row could come near each other, by the top speeds of both, (m,)."""
     top_own = np.abs(own.speed_mps).max(axis=1, initial=0.0)
     top_theirs = np.abs(theirs.speed_mps).max(axis=1, initial=0.0)
-    apart = np.hypot(theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0])
+    distance_m = np.hypot(
+        theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0]
+    )
     reach = top_own[host_row] * span_s + top_theirs[other_row] * (span_s + config.max_age_s)
-    return np.asarray(~(apart > reach + config.distance_m + REACH_BEYOND_COLLISION_DISTANCE_M))
+    return np.asarray(~(distance_m > reach + config.distance_m + REACH_BEYOND_COLLISION_DISTANCE_M))
 
 
 def _measures_and_short_paths_coarse_then_fine(

@@ -58,8 +58,10 @@ def evaluate_named_measures(
     stamp_ns = host.stamp_ns[host_rows]
     theirs, motion = _extrapolated_states_and_derivatives_of_other(other, paths, at_moments)
     own = ActualTrack(stamp_ns, host.state[host_rows])
-    moved = ActualTrack(stamp_ns, np.concatenate([theirs, motion], axis=1))
-    pair = Pair(own, moved, host.length_and_width_m, other.length_and_width_m, 0.0).with_states(own, theirs, motion)
+    moved_track = ActualTrack(stamp_ns, np.concatenate([theirs, motion], axis=1))
+    pair = Pair(own, moved_track, host.length_and_width_m, other.length_and_width_m, 0.0).with_states(
+        own, theirs, motion
+    )
     return {name: pair.evaluate_measure(MEASURES[name]) for name in names}
 
 
@@ -82,6 +84,6 @@ def _extrapolated_states_and_derivatives_of_other(
 ) -> tuple[FloatArray, FloatArray]:
     """Bring the other's position, speed and heading forward, (m, 4); and its unchanged derivatives, (m, 3)."""
     other_rows, place, age_s = at_moments
-    now = interpolate_paths(paths, place, age_s, np.zeros(1))
-    theirs = np.concatenate([now.x_m, now.y_m, now.speed_mps, now.heading_rad], axis=1)
+    current = interpolate_paths(paths, place, age_s, np.zeros(1))
+    theirs = np.concatenate([current.x_m, current.y_m, current.speed_mps, current.heading_rad], axis=1)
     return theirs, other.state[other_rows, MOTION_COLUMNS]

@@ -113,8 +113,8 @@ def median_length_and_width_m(lengths_m: FloatArray, widths_m: FloatArray) -> tu
 
 def _median_or_default_m(values_m: FloatArray, default_m: float) -> float:
     """Median of the finite values; the default without any."""
-    given = values_m[np.isfinite(values_m)]
-    return _positive_or_default(median_of_values(given) if len(given) else None, default_m)
+    known_values_m = values_m[np.isfinite(values_m)]
+    return _positive_or_default(median_of_values(known_values_m) if len(known_values_m) else None, default_m)
 
 
 def _positive_or_default(value: float | None, default: float) -> float:

@@ -182,8 +182,8 @@ def _print_evaluation(
     *,
     everything: bool,
 ) -> None:
-    done = [log for log in run.logs if not log.error]
-    what = "Headline metrics" if run.is_one_log else f"Headline metrics, {format_count(len(done), 'log')} pooled"
+    scored_logs = [log for log in run.logs if not log.error]
+    what = "Headline metrics" if run.is_one_log else f"Headline metrics, {format_count(len(scored_logs), 'log')} pooled"
     console.print_heading(f"{run.source}: {what}")
     shown = [row for name, row in pooled.items() if everything or _is_shown_by_default(name)]
     own = [row for row in shown if row.stage != "system"]

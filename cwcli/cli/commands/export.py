@@ -235,12 +235,12 @@ def _encode_contents_and_count_rows(
         table = table_to_export(opened, names[0], vehicle)
         return encode_table_to_bytes(table, f".{form}"), len(table)
     tracks = [track for name in names for track in tracks_to_export(opened, name, vehicle)]
-    wanted = TRACK_FORMATS[form]
-    if wanted.is_geographic:
+    track_format = TRACK_FORMATS[form]
+    if track_format.is_geographic:
         require_geographic_positions(tracks, opened, form)
-    if wanted.holds_one_track and len(tracks) > 1:
+    if track_format.holds_one_track and len(tracks) > 1:
         known = ", ".join(track.id for track in tracks[:10])
         raise UsageError(
             f"--format {form} holds one track, and `{','.join(names)}` has {len(tracks)}", hint=f"--id one of {known}"
         )
-    return wanted.encode(tracks), sum(len(track.stamp_ns) for track in tracks)
+    return track_format.encode(tracks), sum(len(track.stamp_ns) for track in tracks)

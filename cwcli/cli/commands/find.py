@@ -117,7 +117,7 @@ def command(
 
     query = parse_query(expression)
     other_system = parse_other_system_options(topic or [])
-    written = check_outputs_and_list_file_names(
+    output_names = check_outputs_and_list_file_names(
         logs, talk, metrics=results.output, texts=(results.report,), force=results.force
     )
     refuse_unwritable_targets([], [results.clips], force=results.force)
@@ -167,7 +167,7 @@ def command(
         console.print_document("find", _search_as_json(search, listed, clips))
         return
     _print_search(console, search, listed, query.text)
-    print_written_files(console, written)
+    print_written_files(console, output_names)
     if clips:
         console.print_summary(f"wrote {format_count(len(clips), 'clip')} into {shorten_and_escape(str(results.clips))}")
 

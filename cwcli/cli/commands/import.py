@@ -121,11 +121,11 @@ def command(
         own = mapping_file if mapping_file != mapping else None
         refuse_unwritable_targets([target, own], force=force, inputs=files)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-" and not preview)
-    given = _merge_options_and_mapping_file(answers, mapping)
+    merged_answers = _merge_options_and_mapping_file(answers, mapping)
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step(f"import {', '.join(files)}")
         follow = progress if progress.is_shown else None
-        report = import_files(files, given, None if preview else target, force=force, progress=follow)
+        report = import_files(files, merged_answers, None if preview else target, force=force, progress=follow)
     if not preview and mapping_file is not None and mapping_file != mapping:
         write_file(mapping_file, report.mapping_text.encode(), force=force)
     if talk.json:
@@ -152,7 +152,7 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
         if value is not None and value not in known:
             raise UsageError(f"{option} {value}: it must be one of {join_names(list(known))}")
     columns = dict(map(parse_table_quantity_and_column_unit, options.column or ()))
-    given = Answers(
+    answers_of_options = Answers(
         columns,
         timezone=options.timezone or "",
         date_order=options.date_order or "",
@@ -163,7 +163,7 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
         frame_times=options.times or "",
         dbc=tuple(options.dbc or ()),
     )
-    return given if mapping is None else merge_answers(read_mapping(mapping), given)
+    return answers_of_options if mapping is None else merge_answers(read_mapping(mapping), answers_of_options)
 
 
 def _import_document(report: ImportReport, target: str | None) -> dict[str, Any]:

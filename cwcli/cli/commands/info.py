@@ -288,11 +288,13 @@ def _judge_contract(contract: RecordingContract, document: Document) -> list[Doc
     nothing = {"messages": 0, "undecodable": 0, "out_of_order": 0, "longest_gap_s": document["duration_s"]}
     absent = dict.fromkeys(("rate_hz", "delay_s", "drift_ms_per_min"), math.nan) | nothing
     schemas = {each["topic"]: each["schema"] for each in document["channels"]}
-    wanted = {each.get("schema", "") for each in contract.topics.values()}
+    required_schemas = {each.get("schema", "") for each in contract.topics.values()}
     verdicts = contract.check_log(
         totals={"duration_s": document["duration_s"], "messages": document["messages"]},
         roles={role for channel in document["channels"] for role in channel["roles"]},
-        schemas={topic: name if name in wanted else normalise_schema_name(name) for topic, name in schemas.items()},
+        schemas={
+            topic: name if name in required_schemas else normalise_schema_name(name) for topic, name in schemas.items()
+        },
         topics={topic: health.get(topic, absent) for topic in schemas},
     )
     return [each._asdict() for each in verdicts]
@@ -391,12 +393,12 @@ def _print_message_checks(console: Console, document: Document) -> None:
         )
         console.print_summary("")
     if "contract" in document:
-        judged = [
+        checks = [
             (each["about"], each["condition"], each["found"], "kept" if each["holds"] else "BROKEN")
             for each in document["contract"]
         ]
         console.print_summary(
-            format_table(("topic or log", "condition of the contract", "value in the log", "verdict"), judged)
+            format_table(("topic or log", "condition of the contract", "value in the log", "verdict"), checks)
         )
         console.print_summary("")
 

@@ -93,27 +93,27 @@ def command(
         with limits.open_log(other) as second:
             progress.begin_step(f"estimating {ego.name} and {second.name}")
             name = other_car.name or Path(second.name.rstrip("/")).name.split(".")[0] or "other"
-            joined = join_logs(ego, second, estimate, name=name, late_s=other_car.late)
+            joined_log = join_logs(ego, second, estimate, name=name, late_s=other_car.late)
             faults = {each.name: each.faults.counts_by_reason() for each in (ego, second)}
         progress.begin_step(f"writing {target}")
         with part_of_work(0.9, 1.0, "items"):
-            annotate_log(joined.log, (), {}, target, replace=overwriting.replace, force=overwriting.force)
+            annotate_log(joined_log.log, (), {}, target, replace=overwriting.replace, force=overwriting.force)
     if talk.json:
         said = {
             "role": other_car.role,
             "id": name,
-            "clock_offset_s": joined.offset_ns / 1e9,
-            "states": dict(joined.n_states),
-            "outside": joined.n_outside,
-            "notes": list(joined.notes),
+            "clock_offset_s": joined_log.offset_ns / 1e9,
+            "states": dict(joined_log.n_states),
+            "outside": joined_log.n_outside,
+            "notes": list(joined_log.notes),
             "faults": faults,
             "written": target,
         }
         console.print_document("join", said)
         return
-    for topic, n in joined.n_states.items():
+    for topic, n in joined_log.n_states.items():
         console.print_summary(f"{shorten_and_escape(topic)}: {n} states of {shorten_and_escape(name)}")
-    for note in joined.notes:
+    for note in joined_log.notes:
         console.print_note(note)
     for where, counts in faults.items():
         for reason, count in counts.items():

@@ -90,7 +90,7 @@ def command(
     target = str(replace_stdout_path_by_dash(output))
     pdf = content.pdf or (target != "-" and Path(target).suffix.lower() == PDF_SUFFIX)
     suffixes, what = ([PDF_SUFFIX], "a PDF") if pdf else (PAGE_SUFFIXES, "a page")
-    wanted = PageContent(
+    page_content = PageContent(
         content.gates or (),
         parse_other_system_options(content.topics) if content.topics else None,
         parse_tile_server(content.tiles, content.tiles_attribution),
@@ -102,7 +102,7 @@ def command(
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress, follow_work(progress.show_share):
         report, n_bytes = write_report_page_and_get_size(
-            source, target, wanted, force=force, progress=progress.begin_step
+            source, target, page_content, force=force, progress=progress.begin_step
         )
     document = {
         "written": target,

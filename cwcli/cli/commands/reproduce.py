@@ -173,13 +173,13 @@ def _write_outputs(reproduction: Reproduction, paper: str, targets: OutputTarget
     from cwcli.metrics.table import write_table
     from cwcli.output import AtomicGroup, make_folder
 
-    written: list[str] = []
+    file_names: list[str] = []
     with AtomicGroup() as together:
         if targets.plots is not None:
             from cwcli.reproduction.plots import write_plots
 
             make_folder(targets.plots)
-            written += write_plots(
+            file_names += write_plots(
                 reproduction.plots,
                 targets.plots,
                 together,
@@ -188,11 +188,11 @@ def _write_outputs(reproduction: Reproduction, paper: str, targets: OutputTarget
                 force=targets.force,
             )
         if targets.report is not None:
-            written += _write_report_page(reproduction, targets.report, together, force=targets.force)
+            file_names += _write_report_page(reproduction, targets.report, together, force=targets.force)
         if targets.metrics is not None:
             write_table(reproduction.table, targets.metrics, force=targets.force, together=together)
-            written.append(targets.metrics)
-    return written
+            file_names.append(targets.metrics)
+    return file_names
 
 
 def _write_report_page(reproduction: Reproduction, folder: str, together: AtomicGroup, *, force: bool) -> list[str]:
@@ -204,9 +204,11 @@ def _write_report_page(reproduction: Reproduction, folder: str, together: Atomic
     paper = reproduction.expectations.paper
     target, pictures = Path(folder) / f"{paper}.md", Path(folder) / picture_folder_path(paper)
     make_folder(pictures, parents=True)
-    written = write_plots(reproduction.plots, str(pictures), together, paper=paper, file_format="png", force=force)
+    picture_names = write_plots(
+        reproduction.plots, str(pictures), together, paper=paper, file_format="png", force=force
+    )
     write_file(target, format_markdown_page(reproduction).encode(), force=force, together=together)
-    return [str(target), *written]
+    return [str(target), *picture_names]
 
 
 def _finding_records(reproduction: Reproduction) -> list[dict[str, str | float | bool | None]]:
@@ -244,21 +246,21 @@ def command(
     _check_options(paper, entry, options)
     if targets.report is not None and options.only:
         raise UsageError("--report has every figure", hint="leave out --only, or take --plots")
-    wanted = _find_figures(paper, options.only or [])
+    figures = _find_figures(paper, options.only or [])
     _check_output_targets(paper, targets, options.labelled)
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step(f"reproducing {paper}")
         where = None if options.labelled is None else Path(options.labelled)
-        request = ReproductionRequest(n_seeds, options.jobs, n_frames, wanted, where, progress.begin_step)
+        request = ReproductionRequest(n_seeds, options.jobs, n_frames, figures, where, progress.begin_step)
         reproduction: Reproduction = import_module_attribute(entry.reproduce)(request)
-        written = _write_outputs(reproduction, paper, targets)
+        file_names = _write_outputs(reproduction, paper, targets)
     console = Console(quiet=talk.quiet)
     if talk.json:
         document = {
             "paper": paper,
             "seeds": n_seeds,
             **({"frames": n_frames} if entry.frames else {}),
-            "written": written,
+            "written": file_names,
             "failed": [f"{each.expected.figure}: {each.expected.what}" for each in reproduction.failed_findings],
             "findings": _finding_records(reproduction),
             **reproduction.summary.to_json(),
@@ -266,5 +268,5 @@ def command(
         console.print_document("reproduce", document)
     else:
         print_stage_summary(console, reproduction.summary)
-        print_written_files(console, written)
+        print_written_files(console, file_names)
     return EXIT_GATE_FAILED if reproduction.failed_findings else EXIT_DONE

@@ -195,8 +195,8 @@ def gather_all_options(
     for name in stage_names:
         if name not in STAGES:
             raise UsageError(f"there is no stage {name}", hint=closest_names_hint(name, list(STAGES)))
-    wanted = tuple(name for name in STAGES if name in (stage_names or DEFAULT_STAGES))
-    return AllOptions(pipeline, inputs, stages, wanted)
+    chosen_stages = tuple(name for name in STAGES if name in (stage_names or DEFAULT_STAGES))
+    return AllOptions(pipeline, inputs, stages, chosen_stages)
 
 
 def gather_default_options() -> AllOptions:

@@ -111,14 +111,14 @@ def _join_words_split_at_equals() -> bool:
     words, at = os.environ.get("COMP_WORDS", ""), os.environ.get("COMP_CWORD", "")
     if not at.isdecimal():
         return False
-    joined: list[str] = []
+    joined_words: list[str] = []
     cursor = int(at)
     sign = "\n" if "\n" in words else " "  # a word may hold spaces
     for k, word in enumerate(words.split(sign)):
-        if joined and (word == "=" or joined[-1].endswith("=")) and k <= int(at):
-            joined[-1] += word
+        if joined_words and (word == "=" or joined_words[-1].endswith("=")) and k <= int(at):
+            joined_words[-1] += word
             cursor -= 1
         else:
-            joined.append(word)
-    os.environ["COMP_WORDS"], os.environ["COMP_CWORD"] = sign.join(joined), str(cursor)
-    return 0 <= cursor < len(joined) and "=" in joined[cursor]
+            joined_words.append(word)
+    os.environ["COMP_WORDS"], os.environ["COMP_CWORD"] = sign.join(joined_words), str(cursor)
+    return 0 <= cursor < len(joined_words) and "=" in joined_words[cursor]

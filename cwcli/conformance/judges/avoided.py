@@ -58,8 +58,8 @@ def r157_driver_avoids(encounter: Encounter) -> bool:
 
     def other_at(step: int) -> tuple[CasePoses, BoolArray, tuple[float, float]]:
         state = encounter.other[rows[step]]
-        x_m, y_m, turned, speed = (np.array([state[k]]) for k in (X, Y, HEADING, SPEED))
-        return CasePoses(x_m, y_m, turned, speed, np.zeros(1)), np.ones(1, np.bool_), sizes[1]
+        x_m, y_m, heading_rad, speed = (np.array([state[k]]) for k in (X, Y, HEADING, SPEED))
+        return CasePoses(x_m, y_m, heading_rad, speed, np.zeros(1)), np.ones(1, np.bool_), sizes[1]
 
     def pose_at(way: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         return start[X] + way * math.cos(heading), start[Y] + way * math.sin(heading), np.full(len(way), heading)

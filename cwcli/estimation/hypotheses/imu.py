@@ -29,11 +29,11 @@ def axes_hypothesis(forward: int, left: int, up: int) -> Hypothesis:
         forward, left, up: 1, 2, 3 for x, y, z; negative for an axis that points the other way.
     """
     names = [("-" if axis < 0 else "") + AXIS_NAMES[abs(axis) - 1] for axis in (forward, left, up)]
-    turned = np.zeros((6, 6))
+    rotation = np.zeros((6, 6))
     for row, axis in enumerate((forward, left, up)):
-        turned[row, abs(axis) - 1] = turned[row + 3, abs(axis) + 2] = math.copysign(1.0, axis)
+        rotation[row, abs(axis) - 1] = rotation[row + 3, abs(axis) + 2] = math.copysign(1.0, axis)
     fault = f"is mounted with {names[0]} forward, {names[1]} left and {names[2]} up, not x, y and z"
-    return Hypothesis(",".join(names), "axes", fault, "turned", tuple(map(tuple, turned.tolist())), NO_OFFSET)
+    return Hypothesis(",".join(names), "axes", fault, "turned", tuple(map(tuple, rotation.tolist())), NO_OFFSET)
 
 
 def signed_axis_rotations() -> tuple[tuple[int, int, int], ...]:

@@ -78,10 +78,11 @@ def _finding_of_silence(evidence: DoubtEvidence, silence: dict[str, Any], silent
     else:
         when, advice = f"between {begin_s:.0f} and {end_s:.0f} s ({lasting})", "--start or --end"
     others = [_other_text(topic, quantities) for topic, quantities in silence["others"].items()]
-    lost = _join_with_and([_short(each) for each in silence["quantities"]])
+    lost_quantities = _join_with_and([_short(each) for each in silence["quantities"]])
     return Finding(
         silent_s,
-        f"{_short(silence.get('source'))} reports no {lost} {when}; there the states rest on {_join_with_and(others)}.",
+        f"{_short(silence.get('source'))} reports no {lost_quantities} {when}; there the states rest on "
+        f"{_join_with_and(others)}.",
         f"Find out why that sensor was silent; leave that part out with {advice}, or use it as of a car without it.",
     )
 

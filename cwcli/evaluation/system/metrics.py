@@ -25,9 +25,9 @@ def add_metrics_of_other_system(context: EvaluationContext) -> None:
     system = context.system
     if system.condition is not None:
         _add_warning_metrics(context)
-    placed = add_ego_state_errors_and_place_frame(context, system.ego_state) if system.ego_state else None
+    frame_placement = add_ego_state_errors_and_place_frame(context, system.ego_state) if system.ego_state else None
     if system.ego_path:
-        add_path_errors(context, system.ego_path, placed)
+        add_path_errors(context, system.ego_path, frame_placement)
 
 
 def _add_warning_metrics(context: EvaluationContext) -> None:

@@ -61,17 +61,19 @@ def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, Fr
         points = _path_point_slice(signal, k)
         own = np.column_stack([signal.x_m[points], signal.y_m[points]])
         if placing is None:
-            placed = FramePlacement(float(ego.heading_rad[k]), np.zeros(2), ego.xy_m[k]).points_in_map_m(own)
+            points_in_map_m = FramePlacement(float(ego.heading_rad[k]), np.zeros(2), ego.xy_m[k]).points_in_map_m(own)
         else:
-            placed = placing.points_in_map_m(own)
+            points_in_map_m = placing.points_in_map_m(own)
         speed_mps = signal.speed_mps[points]
         at_s = signal.time_s[points]
         if np.isnan(at_s).any():
             n_slow += bool(np.isnan(speed_mps).any())
             at_s = _times_along_path_s(
-                placed, np.where(np.isfinite(speed_mps), speed_mps, ego.speed_mps[k]), ego.xy_m[k]
+                points_in_map_m, np.where(np.isfinite(speed_mps), speed_mps, ego.speed_mps[k]), ego.xy_m[k]
             )
-        xy_m[at] = _interpolate_path_points(time_s, at_s, placed, is_standing=bool(speed_mps[-1] < MIN_PATH_SPEED_MPS))
+        xy_m[at] = _interpolate_path_points(
+            time_s, at_s, points_in_map_m, is_standing=bool(speed_mps[-1] < MIN_PATH_SPEED_MPS)
+        )
     if n_timeless:
         how = "the car's own speed" if n_slow else "the speeds they give"
         context.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: computed from {how}")
@@ -122,8 +124,8 @@ def _times_along_path_s(xy_m: EastNorthRows, speed_mps: FloatArray, ego_m: Float
     begin, way = xy_m[:-1], np.diff(xy_m, axis=0)
     length2 = np.maximum((way**2).sum(axis=1), np.finfo(np.float64).tiny)
     share = np.clip(((ego_m - begin) * way).sum(axis=1) / length2, 0.0, 1.0)
-    apart = np.hypot(*(begin + share[:, None] * way - ego_m).T)
-    nearest = int(apart.argmin())
+    distance_to_ego_m = np.hypot(*(begin + share[:, None] * way - ego_m).T)
+    nearest = int(distance_to_ego_m.argmin())
     return np.asarray(at_s - (at_s[nearest] + share[nearest] * (at_s[nearest + 1] - at_s[nearest])))
 
 

@@ -60,10 +60,10 @@ def fit_frame_placement(xy_m: EastNorthRows, onto_m: EastNorthRows) -> FramePlac
         return None
     own, theirs = xy_m[known], onto_m[known]
     middle = own.mean(axis=0)
-    apart, target = own - middle, theirs - theirs.mean(axis=0)
+    own_from_middle, target = own - middle, theirs - theirs.mean(axis=0)
     turn_rad = 0.0
-    if math.sqrt(float((apart**2).sum(axis=1).mean())) >= MIN_RMS_EXTENT_FOR_ROTATION_M:
-        cross = float((apart[:, 0] * target[:, 1] - apart[:, 1] * target[:, 0]).sum())
-        turn_rad = math.atan2(cross, float((apart * target).sum()))
-    turned = FramePlacement(turn_rad, middle, np.zeros(2)).points_in_map_m(own)
-    return FramePlacement(turn_rad, middle, np.median(theirs - turned, axis=0))
+    if math.sqrt(float((own_from_middle**2).sum(axis=1).mean())) >= MIN_RMS_EXTENT_FOR_ROTATION_M:
+        cross = float((own_from_middle[:, 0] * target[:, 1] - own_from_middle[:, 1] * target[:, 0]).sum())
+        turn_rad = math.atan2(cross, float((own_from_middle * target).sum()))
+    turned_points = FramePlacement(turn_rad, middle, np.zeros(2)).points_in_map_m(own)
+    return FramePlacement(turn_rad, middle, np.median(theirs - turned_points, axis=0))

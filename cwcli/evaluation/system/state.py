@@ -49,11 +49,11 @@ def add_ego_state_errors_and_place_frame(context: EvaluationContext, topic: str)
         assert found is not None  # there are MIN_ROWS
         frame, placing = signal.frame_id, found
         context.notes.append(placing.placement_note(topic, frame))
-    placed = replace(
+    placed_states = replace(
         motion, xy_m=placing.points_in_map_m(motion.xy_m), heading_rad=placing.headings_in_map_rad(motion.heading_rad)
     )
     with context.headline.label_rows_with_states(comparison_label(SYSTEM, reference.knowledge)):
-        add_motion_errors(context, "system.ego.", placed, reference.motion)
+        add_motion_errors(context, "system.ego.", placed_states, reference.motion)
     return frame, placing
 
 

@@ -79,17 +79,17 @@ def judge_flag_warnings(flag_spans_ns: Sequence[FirstAndLastNs], real: ActualOut
             for k in own[conflict.onset_ns < best_onset[own]].tolist():
                 best_onset[k], best[k] = conflict.onset_ns, (vehicle, conflict)
     is_known = _nearest_vehicle_stays_known_mask(raised_ns, real)
-    judged = []
+    outcomes = []
     for k, (raised, last) in enumerate(flag_spans_ns):
         about = best[k]
         if about is None:
-            judged.append(JudgedFlagWarning(raised, last, VERDICT_FALSE if is_known[k] else VERDICT_UNDECIDED))
+            outcomes.append(JudgedFlagWarning(raised, last, VERDICT_FALSE if is_known[k] else VERDICT_UNDECIDED))
             continue
         lead = about[1].onset_ns - raised
-        judged.append(
+        outcomes.append(
             JudgedFlagWarning(raised, last, VERDICT_TRUE if lead >= 0 else VERDICT_LATE, *about, lead / NS_PER_S)
         )
-    kinds = [each.kind for each in judged]
+    kinds = [each.kind for each in outcomes]
     scores = WarningScores(
         n_true=kinds.count(VERDICT_TRUE),
         n_late=kinds.count(VERDICT_LATE),
@@ -101,7 +101,7 @@ def judge_flag_warnings(flag_spans_ns: Sequence[FirstAndLastNs], real: ActualOut
         lead_times_s=tuple(leads),
         host_hours=real.host_hours,
     )
-    return FlagScores(tuple(judged), scores)
+    return FlagScores(tuple(outcomes), scores)
 
 
 def _nearest_vehicle_stays_known_mask(raised_ns: Int64Array, real: ActualOutcomes) -> BoolArray:

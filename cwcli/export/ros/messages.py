@@ -119,8 +119,8 @@ def _odometry_fields_of_states(columns: Columns, local_map: LocalMap | None) -> 
     if local_map is not None and not columns.topic.startswith(OWN_TOPIC_PREFIX):
         lat_deg, lon_deg = (read_numbers(columns, name) for name in ("latitude_deg", "longitude_deg"))
         x_m, y_m, _ = local_map.map_from_wgs84(lat_deg, lon_deg, np.full(len(state), np.nan))
-        there = np.isfinite(x_m)
-        state[there, X], state[there, Y] = x_m[there], y_m[there]
+        has_position = np.isfinite(x_m)
+        state[has_position, X], state[has_position, Y] = x_m[has_position], y_m[has_position]
     child = Strings(states.ids.codes, tuple(BODY_FRAME if name == EGO_ID else name for name in states.ids.values))
     pose, twist = np.zeros((2, len(state), 6, 6))
     if has_covariance:

@@ -73,10 +73,10 @@ def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequ
         raise Question(
             path, "a CAN trace holds bytes; which signals they are is in a DBC file", "--dbc car.dbc"
         ).as_error()
-    given = {column for column, _ in answers.columns.values() if column}
+    columns_by_user = {column for column, _ in answers.columns.values() if column}
     messages = {}
     for message in load_dbc_messages(answers.dbc):
-        if any(_can_be_quantity(signal.name) or signal.name in given for signal in message.signals):
+        if any(_can_be_quantity(signal.name) or signal.name in columns_by_user for signal in message.signals):
             messages[message.frame_id, bool(message.is_extended_frame)] = message
     frames, n_frames, notes = _read_frames_by_message(path, kind, messages)
     found = [(messages[key], rows) for key, rows in frames.items() if rows.stamp_ns]

@@ -202,11 +202,11 @@ class _TabsForBlanks(io.RawIOBase):
 
 def _are_cells_names(cells: Sequence[str]) -> bool:
     """Tell whether cells are names: most are words, and none is a number or a time."""
-    given = [cell.lstrip("#").strip() for cell in cells if cell.strip()]
-    if not given or any(_NUMBER.match(cell) for cell in given):
+    filled_cells = [cell.lstrip("#").strip() for cell in cells if cell.strip()]
+    if not filled_cells or any(_NUMBER.match(cell) for cell in filled_cells):
         return False
-    words = [cell for cell in given if re.search(r"[^\W\d]", cell) and not _VALUE.match(cell)]
-    return len(words) > 0.5 * len(cells) and len(set(given)) > 0.5 * len(given)
+    words = [cell for cell in filled_cells if re.search(r"[^\W\d]", cell) and not _VALUE.match(cell)]
+    return len(words) > 0.5 * len(cells) and len(set(filled_cells)) > 0.5 * len(filled_cells)
 
 
 def _unique_names(cells: Sequence[str]) -> tuple[str, ...]:

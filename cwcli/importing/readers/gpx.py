@@ -35,14 +35,14 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     tracks = [(name, n) for name, n in _names_and_point_counts_of_tracks(path) if n]
     if not tracks:
         raise DataError("it has no track with points", where=path, hint="routes and way points have no times")
-    wanted = 0
+    wanted_track = 0
     if len(tracks) > 1:
         names = [name for name, _ in tracks]
         if answers.vehicle not in names:
             shown = ", ".join(f"{name} ({n} points)" for name, n in tracks[:10])
             raise Question(path, f"it has {len(tracks)} tracks: {shown}", f"--id '{names[0]}'").as_error()
-        wanted = names.index(answers.vehicle)
-    found = set(_names_of_points(path, tracks[wanted][0]))
+        wanted_track = names.index(answers.vehicle)
+    found = set(_names_of_points(path, tracks[wanted_track][0]))
     if "time" not in found:
         raise MissingSignalError(
             "its points have no times: it is a route, not a recorded drive",
@@ -57,7 +57,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
 
         rows: list[dict[str, str]] = []
         for track, point in _iter_track_points(path):
-            if track != tracks[wanted][0]:
+            if track != tracks[wanted_track][0]:
                 continue
             rows.append(point)
             if len(rows) == TRACK_POINTS_PER_BATCH:

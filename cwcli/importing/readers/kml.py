@@ -60,10 +60,12 @@ def _read_kml_table(path: str, answers: Answers) -> Sequence[SourceTable]:
         )
     places = np.array(coordinates)
     arrays = {"when": pa.array(whens), "latitude": places[:, 1], "longitude": places[:, 0], "height": places[:, 2]}
-    given = {name: each for name, each in arrays.items() if name != "height" or np.isfinite(places[:, 2]).any()}
+    columns_with_values = {
+        name: each for name, each in arrays.items() if name != "height" or np.isfinite(places[:, 2]).any()
+    }
     notes = [f"{n_tracks} tracks are read as one drive"] if n_tracks > 1 else []
-    presets = {name: PRESETS[name] for name in given}
-    return [SourceTable.of_arrays(path, "", "kml", given, presets=presets, notes=notes)]
+    presets = {name: PRESETS[name] for name in columns_with_values}
+    return [SourceTable.of_arrays(path, "", "kml", columns_with_values, presets=presets, notes=notes)]
 
 
 def _longitude_latitude_height(text: str) -> tuple[float, float, float]:

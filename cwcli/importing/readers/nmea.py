@@ -114,11 +114,11 @@ def _build_sentence_table(
 ) -> SourceTable:
     rows = np.frombuffer(sentences.row, np.int64)
     columns = {"time": stamps[rows], **{key: np.frombuffer(sentences.values[key]) for key in COLUMNS[name]}}
-    given = {key: values for key, values in columns.items() if key == "time" or np.isfinite(values).any()}
-    presets = {key: PRESETS[key] for key in given}
+    columns_with_values = {key: values for key, values in columns.items() if key == "time" or np.isfinite(values).any()}
+    presets = {key: PRESETS[key] for key in columns_with_values}
     if name == "heading":
         presets["course_deg"] = Preset("heading", "deg-cw-north")
-    return SourceTable.of_arrays(path, name, "nmea", given, presets=presets, notes=list(notes))
+    return SourceTable.of_arrays(path, name, "nmea", columns_with_values, presets=presets, notes=list(notes))
 
 
 def _collect_sentences(path: str) -> CollectedSentences:

@@ -61,12 +61,12 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
     try:
         with zipfile.ZipFile(path) as archive:
             members = _archive_members_by_table_name(archive, path)
-            wanted = _names_of_tables_to_read(members)
-            if not wanted:
+            table_names = _names_of_tables_to_read(members)
+            if not table_names:
                 shown = tuple(sorted(members))[:30]
                 raise DataError("it holds no table of positions, accelerations or turn rates", where=path, found=shown)
-            _require_bounded_total(members, wanted, path)
-            texts = {name: _unpack_archive_member(archive, members[name], path) for name in wanted}
+            _require_bounded_total(members, table_names, path)
+            texts = {name: _unpack_archive_member(archive, members[name], path) for name in table_names}
             start = next(
                 (
                     _unpack_archive_member(archive, info, path)
@@ -116,14 +116,14 @@ def _archive_members_by_table_name(archive: zipfile.ZipFile, path: str) -> dict[
 
 def _names_of_tables_to_read(members: dict[str, zipfile.ZipInfo]) -> list[str]:
     """Return the names of the tables to read: one of positions, one of accelerations, one of turn rates."""
-    wanted = []
+    table_names = []
     for choices in (LOCATIONS, ACCELERATIONS, GYROSCOPES):
-        wanted += [name for name in choices if name in members][:1]
-    if "accelerometer" in wanted and "gravity" in members:
-        wanted.append("gravity")
-    if not wanted:  # a zip of other tables
-        wanted = [name for name in members if not name.startswith(("metadata", "annotation", "device"))]
-    return wanted
+        table_names += [name for name in choices if name in members][:1]
+    if "accelerometer" in table_names and "gravity" in members:
+        table_names.append("gravity")
+    if not table_names:  # a zip of other tables
+        table_names = [name for name in members if not name.startswith(("metadata", "annotation", "device"))]
+    return table_names
 
 
 def _require_bounded_total(members: dict[str, zipfile.ZipInfo], wanted: list[str], path: str) -> None:

@@ -83,9 +83,9 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     unit = SPEED_UNITS.get(speed.removeprefix("velocity").strip(" []()").replace("/", ""), "")
     presets |= {"velocity": Preset("speed", unit or find_unit(speed.removeprefix("velocity"), "speed"))}
     presets |= {"heading": Preset("course", "deg-cw-north"), "height": Preset("altitude", "m")}
-    given = {name: each for name, each in presets.items() if name in names}
-    others = {name: Preset("ignored") for name in names if name not in given and quantities_of_name(name)}
-    return [SourceTable(path, "", "vbox", tuple(names), read, presets={**others, **given}, notes=notes)]
+    present_presets = {name: each for name, each in presets.items() if name in names}
+    others = {name: Preset("ignored") for name in names if name not in present_presets and quantities_of_name(name)}
+    return [SourceTable(path, "", "vbox", tuple(names), read, presets={**others, **present_presets}, notes=notes)]
 
 
 def _day_and_notes(lines: Sequence[str], answers: Answers) -> tuple[int, list[str]]:

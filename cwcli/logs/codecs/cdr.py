@@ -79,13 +79,13 @@ class CdrDecoder:
         blobs: Collection[str] = (),
         n_expected: int = 0,
     ) -> None:
-        wanted = None if fields is None else frozenset(fields)
+        wanted_fields = None if fields is None else frozenset(fields)
         compiled = (
             _compile_program_and_xcdr2_operations
             if len(schema_data) <= MAX_CACHED_SCHEMA_BYTES
             else _compile_program_and_xcdr2_operations.__wrapped__
         )
-        self._program, self._program_v2 = compiled(schema_name, schema_data, wanted, frozenset(blobs))
+        self._program, self._program_v2 = compiled(schema_name, schema_data, wanted_fields, frozenset(blobs))
         self.reset(n_expected)
 
     @property

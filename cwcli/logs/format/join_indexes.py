@@ -28,7 +28,7 @@ def join_indexes(file: JoinedFile, indexes: Sequence[LogIndex]) -> LogIndex:
     Raises:
         InputError: The log needs more than 65,534 ids of schemas or channels.
     """
-    joined = LogIndex(
+    joined_index = LogIndex(
         profile=indexes[0].profile if len({each.profile for each in indexes}) == 1 else "",
         library=indexes[0].library,
         header_length=indexes[0].header_length,
@@ -44,21 +44,21 @@ def join_indexes(file: JoinedFile, indexes: Sequence[LogIndex]) -> LogIndex:
         channel_ids.append(ids)
         for schema in index.schemas.values():
             new_id = schema_ids[schema.id]
-            joined.schemas.setdefault(new_id, schema._replace(id=new_id))
+            joined_index.schemas.setdefault(new_id, schema._replace(id=new_id))
         for channel in index.channels.values():
             new_id = ids[channel.id]
             schema_id = schema_ids.get(channel.schema_id, 0)
-            joined.channels.setdefault(new_id, channel._replace(id=new_id, schema_id=schema_id))
+            joined_index.channels.setdefault(new_id, channel._replace(id=new_id, schema_id=schema_id))
         used = {each for chunk in index.items_of_type(ChunkIndex) for each in chunk.channel_ids}
         start = file.start_byte_of_part(k)
         is_same = all(old == new for each in (schema_ids, ids) for old, new in each.items()) and used <= ids.keys()
-        joined.renumberings.append((start, None if is_same else ChannelRenumbering(ids)))
-        joined.items += _shift_items_into_log(file, index, start, ids, joined)
-        joined.cut_chunks |= {at + start for at in index.cut_chunks}
+        joined_index.renumberings.append((start, None if is_same else ChannelRenumbering(ids)))
+        joined_index.items += _shift_items_into_log(file, index, start, ids, joined_index)
+        joined_index.cut_chunks |= {at + start for at in index.cut_chunks}
         if index.data_end is not None:
-            joined.data_sections.append((start, index.data_end + start))
-    joined.statistics = _sum_statistics(joined, indexes, channel_ids)
-    return joined
+            joined_index.data_sections.append((start, index.data_end + start))
+    joined_index.statistics = _sum_statistics(joined_index, indexes, channel_ids)
+    return joined_index
 
 
 def _parts_with_common_ids_first(indexes: Sequence[LogIndex]) -> list[int]:
@@ -119,7 +119,7 @@ def _iter_new_metadata_runs_shifted_into_log(
     earlier: Mapping[tuple[int, str], list[int]],
 ) -> Iterator[MetadataRun]:
     """Add a part's metadata records to the joined table and yield their runs, without exact copies of earlier ones."""
-    placed: MetadataRun | None = None
+    last_run: MetadataRun | None = None
     for row in range(run.first, run.stop):
         offset, length, name = index.metadata[row]
         at = offset + start
@@ -128,12 +128,14 @@ def _iter_new_metadata_runs_shifted_into_log(
             continue
         joined.metadata.append(at, length, name)
         n = len(joined.metadata)
-        if placed is not None and placed.end != at:
-            yield placed
-            placed = None
-        placed = MetadataRun(at, at + length, n - 1, n) if placed is None else placed._replace(end=at + length, stop=n)
-    if placed is not None:
-        yield placed
+        if last_run is not None and last_run.end != at:
+            yield last_run
+            last_run = None
+        last_run = (
+            MetadataRun(at, at + length, n - 1, n) if last_run is None else last_run._replace(end=at + length, stop=n)
+        )
+    if last_run is not None:
+        yield last_run
 
 
 def _sum_statistics(

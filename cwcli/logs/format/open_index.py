@@ -35,9 +35,9 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool) -> LogIndex:
         InputError: It is not an MCAP file, or is damaged; with `recover`, if nothing in it can be read.
     """
     if isinstance(file, JoinedFile):
-        joined = _index_parts(file, partial(open_index, faults=faults, recover=recover), recover=recover)
+        index_of_parts = _index_parts(file, partial(open_index, faults=faults, recover=recover), recover=recover)
         faults.add_file_faults(file.notes)
-        return joined
+        return index_of_parts
     faults.add_file_faults(file.notes)
     start, head = _read_data_start_and_header(file, faults, recover=recover)
     index = summary = _read_summary_if_usable(file, start, faults, recover=recover)

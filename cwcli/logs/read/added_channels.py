@@ -97,11 +97,11 @@ def _columns_of_flat_message(descriptor: Any, channel: OutputChannel) -> dict[st
         kind, dtype = KIND_AND_DTYPE_BY_TYPE[each.type]
         if kind == OCTETS or (kind == TEXT and is_repeated_field(each)):
             continue
-        given = channel.fields.get(each.name)
+        field = channel.fields.get(each.name)
         column = (
             _column_of_absent_field(kind, dtype, n, repeated=is_repeated_field(each))
-            if given is None
-            else _column_as_read_back(given, dtype)
+            if field is None
+            else _column_as_read_back(field, dtype)
         )
         if column is None:
             return None

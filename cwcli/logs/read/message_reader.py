@@ -191,18 +191,18 @@ class MessageReader:
 
     def chunks_with_channels(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
         """Return the chunks that hold, or may hold, messages of these channels, in file order."""
-        wanted = frozenset(channel_ids)
+        wanted_ids = frozenset(channel_ids)
         return [
             chunk
             for chunk in self._chunks
-            if not self.trusts_indexes or not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids)
+            if not self.trusts_indexes or not chunk.channel_ids or not wanted_ids.isdisjoint(chunk.channel_ids)
         ]
 
     def _cached_mask_of_channel_ids(self, channel_ids: Collection[int]) -> ByteArray:
         """Return `channel_mask`, cached for consecutive calls with the same channels."""
-        wanted = frozenset(channel_ids)
-        if wanted != self._wanted_last[0]:
-            self._wanted_last = wanted, channel_mask(wanted)
+        wanted_ids = frozenset(channel_ids)
+        if wanted_ids != self._wanted_last[0]:
+            self._wanted_last = wanted_ids, channel_mask(wanted_ids)
         return self._wanted_last[1]
 
     def max_message_count_by_file_size(self) -> int:

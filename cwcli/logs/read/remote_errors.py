@@ -43,7 +43,7 @@ TEXT_AND_HINT_BY_REASON = {
     "refused": ("the server refused the connection", "check the host and the port, and whether the server runs"),
     "unknown host": ("there is no such host, or no network", "check the host's name"),
     "unreachable": ("the server can't be reached", "check the host and the network"),
-    "too slow": ("the server did not answer in time", "try again later"),
+    "too slow": ("the server did not answer in time", "try again later, or wait longer with --timeout SECONDS"),
     "broken off": ("the connection broke before the whole file had come", "try again"),
     "certificate": ("the server's certificate is not trusted", "check the host's name and the date of this machine"),
 }

@@ -205,13 +205,13 @@ def _append_step(steps: list[tuple[Any, ...]], step: tuple[Any, ...]) -> None:
         steps.append(step)
         return
     _, n_bytes, pieces = steps.pop()
-    joined = list(pieces)
+    joined_pieces = list(pieces)
     for size, length in step[2]:
-        if joined[-1][0] == size:
-            joined[-1] = size, joined[-1][1] + length
+        if joined_pieces[-1][0] == size:
+            joined_pieces[-1] = size, joined_pieces[-1][1] + length
         else:
-            joined.append((size, length))
-    steps.append((Kind.NUMBERS, n_bytes + step[1], tuple(joined)))
+            joined_pieces.append((size, length))
+    steps.append((Kind.NUMBERS, n_bytes + step[1], tuple(joined_pieces)))
 
 
 def _min_bytes_of_step(step: tuple[Any, ...]) -> int:

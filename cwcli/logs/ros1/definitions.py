@@ -95,7 +95,7 @@ def message_names_by_first_use(definition: Ros1Definition) -> Iterator[str]:
     Raises:
         SchemaError: One holds itself, is not defined, or is too deep.
     """
-    done: set[str] = set()
+    visited: set[str] = set()
     stack: list[tuple[str, Iterator[MessageField]]] = [
         (definition.root, iter(find_message_fields(definition.fields, definition.root)))
     ]
@@ -104,9 +104,9 @@ def message_names_by_first_use(definition: Ros1Definition) -> Iterator[str]:
         name, fields = stack[-1]
         field = next(fields, None)
         if field is None:
-            done.add(name)
+            visited.add(name)
             stack.pop()
-        elif not is_number_or_text_type(field.type) and field.type not in done:
+        elif not is_number_or_text_type(field.type) and field.type not in visited:
             if any(each == field.type for each, _ in stack):
                 raise SchemaError(f"the message {field.type} holds itself")
             if len(stack) == MAX_TYPE_DEPTH:

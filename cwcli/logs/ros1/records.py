@@ -82,19 +82,19 @@ class PieceSource:
         It ends before a record of another kind, or with another header than recorders write, or with more data than
         `most_bytes`; `take_record_head` reads any.
         """
-        held, at = self._held, self._at
-        end = len(held)
+        held_bytes, at = self._held, self._at
+        end = len(held_bytes)
         while at + MESSAGE_HEAD_BYTES <= end:
-            n_header, first, key, second, third, seconds, nanoseconds, n = _CONNECTION_FIRST(held, at)
+            n_header, first, key, second, third, seconds, nanoseconds, n = _CONNECTION_FIRST(held_bytes, at)
             if first != CONNECTION_MARK or second != OP_MARK:
-                n_header, second, first, key, third, seconds, nanoseconds, n = _OP_FIRST(held, at)
+                n_header, second, first, key, third, seconds, nanoseconds, n = _OP_FIRST(held_bytes, at)
             start = at + MESSAGE_HEAD_BYTES
             stop = start + n
             is_message = n_header == MESSAGE_HEADER_BYTES and first == CONNECTION_MARK and second == OP_MARK
             if not is_message or third != TIME_MARK or stop > end or n > most_bytes:
                 return
             self._at = at = stop
-            yield key, seconds * NS_PER_S + nanoseconds, held[start:stop]
+            yield key, seconds * NS_PER_S + nanoseconds, held_bytes[start:stop]
 
     def skip(self, n: int) -> None:
         """Leave out the next `n` bytes; raise as `take` does."""

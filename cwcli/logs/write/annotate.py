@@ -218,10 +218,10 @@ def annotate_parts(
     )
     merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new])
     make_folder(folder)
-    written = [Path(folder) / name for name in _part_file_names(file)]
+    part_paths = [Path(folder) / name for name in _part_file_names(file)]
     counted = [index.statistics for index in indexes]
     starts = [each.start_ns if each is not None and each.n_messages else None for each in counted]
-    for k, (part, index, target) in enumerate(zip(file.parts, indexes, written, strict=True)):
+    for k, (part, index, target) in enumerate(zip(file.parts, indexes, part_paths, strict=True)):
         until = min((start - 1 for start in starts[k + 1 :] if start is not None), default=None)
         replaced = frozenset(each.id for each in index.channels.values() if each.topic in topics)
         remaining_channels = (each for each in index.channels.values() if each.id not in replaced)
@@ -240,7 +240,7 @@ def annotate_parts(
                 written_schema_ids=frozenset(each.schema.id for each in new),
             )
             _write_body_and_summary(writer, copy, new, merge, metadata, until_ns=until)
-    return written
+    return part_paths
 
 
 def _write_body_and_summary(

@@ -116,11 +116,11 @@ class _Cutter:
         self._index: LogIndex = source.index
         self._faults = Faults()
         self._reader = MessageReader(source.file, self._index, self._faults, recover=source.recover)
-        wanted = span.topics
+        wanted_topics = span.topics
         self._wanted_ids = frozenset(
-            each.id for each in self._index.channels.values() if wanted is None or each.topic in wanted
+            each.id for each in self._index.channels.values() if wanted_topics is None or each.topic in wanted_topics
         )
-        if wanted is not None:  # else no chunk of the span is left out because of its index
+        if wanted_topics is not None:  # else no chunk of the span is left out because of its index
             self._reader.distrust_indexes_if_miscounted(self._wanted_ids)
         self._defined: set[int] = set()
         self._defined_schemas: set[int] = set()

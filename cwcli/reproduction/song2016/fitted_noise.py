@@ -71,10 +71,10 @@ def fit_diagonal_noise_sigmas() -> FloatArray:
         error = np.log(stationary_filter_sigmas(np.exp(logs)) / PRINTED_SIGMAS)
         if np.abs(error).max() < 1e-10:
             break
-        moved = [
+        scaled_sigmas = [
             np.log(stationary_filter_sigmas(np.exp(logs + step)) / PRINTED_SIGMAS) - error for step in 1e-5 * np.eye(5)
         ]
-        logs = logs - np.linalg.solve(np.array(moved).T / 1e-5, error)
+        logs = logs - np.linalg.solve(np.array(scaled_sigmas).T / 1e-5, error)
     return np.asarray(np.exp(logs))
 
 

@@ -210,8 +210,8 @@ def _closed_outline_m(state: FloatArray, length_m: float, width_m: float) -> Flo
     """Return a car's closed outline, shape (6, 2), m, that ends with a gap."""
     corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1], [1, 1]]) * (length_m / 2.0, width_m / 2.0)
     cos, sin = np.cos(state[3]), np.sin(state[3])
-    turned = corners @ np.array([[cos, sin], [-sin, cos]]) + state[:2]
-    return np.concatenate([turned, np.full((1, 2), np.nan)])
+    outline_in_map_m = corners @ np.array([[cos, sin], [-sin, cos]]) + state[:2]
+    return np.concatenate([outline_in_map_m, np.full((1, 2), np.nan)])
 
 
 def false_warning_trap_part(name: str, counts: dict[str, int], n_seeds: int) -> StudyPart:

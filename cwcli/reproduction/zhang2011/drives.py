@@ -108,7 +108,7 @@ def drive_errors_part(
         n_seeds: At most `MAX_DRIVE_SEEDS`.
         lane_method: A key of `vision.methods.METHODS` that finds the lanes in rendered frames; None: simulated points.
     """
-    seen = "" if lane_method is None else RENDERED_PREFIX
+    method_prefix = "" if lane_method is None else RENDERED_PREFIX
     drive, half = DRIVE_BY_FIGURE[figure], load_vehicle()
     n = max(1, min(n_seeds, MAX_DRIVE_SEEDS))
     start = np.full(n, drive.start_kmh * MPS_PER_KMH)
@@ -145,7 +145,7 @@ def drive_errors_part(
             curves[:0] = _road_and_track_curves(truth, sensed, run)
         tick()
     measured = [
-        MeasuredNumber(figure, f"{seen}{name}: {what}", *median_and_interval_bounds(np.array(found)))
+        MeasuredNumber(figure, f"{method_prefix}{name}: {what}", *median_and_interval_bounds(np.array(found)))
         for name, each in values.items()
         for what, found in each.items()
     ]
@@ -155,8 +155,8 @@ def drive_errors_part(
         else f"{drive.start_kmh:g} km/h"
     )
     title = f"{drive.load} load, {speed}: 2 s of the first seed"
-    track_plot = Plot(f"{figure} rendered" if seen else f"{figure}a", title, "x [m]", "y [m]", curves)
-    if not seen:
+    track_plot = Plot(f"{figure} rendered" if method_prefix else f"{figure}a", title, "x [m]", "y [m]", curves)
+    if not method_prefix:
         pictures.append(_track_deviation_plot(figure, title, curves))
     return StudyPart(tuple(measured), (track_plot, *pictures))
 

@@ -77,23 +77,27 @@ class PreparedFrame:
 def crossover_and_mutation_rates_part() -> StudyPart:
     """Compute figures 3 to 8, and plot the objective over the generations for all of their rates."""
     drives = iter_set_drives(EXAMPLE_ROAD_SET, N_SEARCHED_FRAMES, seed=HELD_OUT_SEED, n_frames=2)
-    seen = [
+    prepared_frames = [
         PreparedFrame(frame, compute_block_responses(frame.grey))
         for frame in (drive.render_frame_at(0) for drive in drives)
     ]
     measured, plots = [], []
     shares: dict[str, float] = {}
     for figure, rates in RATES_BY_FIGURE.items():
-        fits = [_search_both_boundaries(each, k, rates, FIRST_PHASE.generations)[0] for k, each in enumerate(seen)]
+        fits = [
+            _search_both_boundaries(each, k, rates, FIRST_PHASE.generations)[0]
+            for k, each in enumerate(prepared_frames)
+        ]
         n_right = sum(
-            is_fit_correct(each.frame, fit, IMAGE_SIZE_PX, by_stripe=True) for each, fit in zip(seen, fits, strict=True)
+            is_fit_correct(each.frame, fit, IMAGE_SIZE_PX, by_stripe=True)
+            for each, fit in zip(prepared_frames, fits, strict=True)
         )
-        low, high = proportion_interval(n_right, len(seen))
+        low, high = proportion_interval(n_right, len(prepared_frames))
         what = "first frames with both boundaries right"
-        shares[figure] = n_right / len(seen)
+        shares[figure] = n_right / len(prepared_frames)
         measured.append(MeasuredNumber(figure, what, 100.0 * shares[figure], 100.0 * low, 100.0 * high))
         title = f"crossover {rates[0]:g}, mutation {rates[1]:g}: a first frame of '{EXAMPLE_ROAD_SET}'"
-        plots.append(frame_with_boundaries_plot(figure, title, seen[0].frame, fits[0]))
+        plots.append(frame_with_boundaries_plot(figure, title, prepared_frames[0].frame, fits[0]))
     is_best = shares["fig 4"] > max(shares[figure] for figure in ("fig 3", "fig 5", "fig 6"))
     what = "more first frames right than with crossover 0.4, 0.5 and 0.8"
     measured.append(MeasuredNumber("fig 4", what, float(is_best)))
@@ -102,12 +106,12 @@ def crossover_and_mutation_rates_part() -> StudyPart:
     plots += [
         _best_objective_by_generation_plot(
             "crossover rates",
-            seen,
+            prepared_frames,
             {f"crossover {RATES_BY_FIGURE[f][0]:g}": RATES_BY_FIGURE[f] for f in tuple(RATES_BY_FIGURE)[:4]},
         ),
         _best_objective_by_generation_plot(
             "mutation rates",
-            seen,
+            prepared_frames,
             {f"mutation {RATES_BY_FIGURE[f][1]:g}": RATES_BY_FIGURE[f] for f in tuple(RATES_BY_FIGURE)[4:]},
         ),
     ]
@@ -118,9 +122,9 @@ def bend_and_straight_part() -> StudyPart:
     """Plot figures 9 and 10: a bend and a straight, followed as in a video until the third phase."""
     n_frames = N_UNSTABLE_FRAMES + 1
     drives = list(iter_set_drives("good", N_CANDIDATE_DRIVES, seed=HELD_OUT_SEED, n_frames=n_frames))
-    seen = [np.interp(SEEN_STATIONS_M, drive.knots_m, drive.curvature_1pm) for drive in drives]
-    bend = int(np.argmax([abs(float(curvature_1pm.mean())) for curvature_1pm in seen]))
-    straight = int(np.argmin([float(np.abs(curvature_1pm).max()) for curvature_1pm in seen]))
+    curvatures_1pm = [np.interp(SEEN_STATIONS_M, drive.knots_m, drive.curvature_1pm) for drive in drives]
+    bend = int(np.argmax([abs(float(curvature_1pm.mean())) for curvature_1pm in curvatures_1pm]))
+    straight = int(np.argmin([float(np.abs(curvature_1pm).max()) for curvature_1pm in curvatures_1pm]))
     chosen = {"fig 9": ("a bend", bend), "fig 10": ("a straight", straight)}
     return StudyPart(
         (), tuple(_followed_drive_plot(figure, text, drives[k], k) for figure, (text, k) in chosen.items())
@@ -162,7 +166,7 @@ def _followed_drive_plot(figure: str, text: str, drive: RoadDrive, seed: int) ->
 
 
 def _search_both_boundaries(
-    seen: PreparedFrame, seed: int, rates: tuple[float, float], generations: int
+    frame: PreparedFrame, seed: int, rates: tuple[float, float], generations: int
 ) -> tuple[LaneFit, float]:
     """Search both boundaries in a first frame; return them and the sum of their objectives, grey levels."""
     genetic = genetic_settings(FIRST_PHASE)
@@ -170,7 +174,7 @@ def _search_both_boundaries(
     genetic["generations"] = generations
     found, total = [], 0.0
     for side, (responses, region) in enumerate(
-        ((seen.responses.left, FIRST_LEFT_REGION), (seen.responses.right, FIRST_RIGHT_REGION))
+        ((frame.responses.left, FIRST_LEFT_REGION), (frame.responses.right, FIRST_RIGHT_REGION))
     ):
         bounds: npt.NDArray[np.float64] = np.array(region)
         low, high = np.ascontiguousarray(bounds[:, 0]), np.ascontiguousarray(bounds[:, 1])

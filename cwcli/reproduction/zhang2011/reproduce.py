@@ -62,11 +62,11 @@ def _run_other_parts(request: ReproductionRequest, n_rendered_drives: int) -> li
     tasks["tables"] = ("table 1", "table 2", "table 3", "table 4", "table 5", "eq 5"), printed_tables_part
     tasks["worked example"] = ("eq 13", "fig 13", "eq 17", "eq 22"), worked_example_part
     tasks |= {figure: ((figure,), partial(simulated_run_part, figure)) for figure in PAPER_RUNS}
-    wanted = {name: task for name, (figures, task) in tasks.items() if request.wants_any_of(figures)}
+    tasks_of_figures = {name: task for name, (figures, task) in tasks.items() if request.wants_any_of(figures)}
     if request.jobs == 1:
-        return [_report_part_done(name, task(), request.tick) for name, task in wanted.items()]
+        return [_report_part_done(name, task(), request.tick) for name, task in tasks_of_figures.items()]
     with process_pool(request.jobs) as pool:
-        running = {name: pool.submit(task) for name, task in wanted.items()}
+        running = {name: pool.submit(task) for name, task in tasks_of_figures.items()}
         return [_report_part_done(name, future.result(), request.tick) for name, future in running.items()]
 
 

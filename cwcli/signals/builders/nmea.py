@@ -74,10 +74,10 @@ def split_sentence(text: str) -> tuple[str, list[str]]:
     if not star or len(checksum) < 2:
         return NO_CHECKSUM_REASON, []
     try:
-        given = int(checksum[:2], 16)
+        stated_checksum = int(checksum[:2], 16)
     except ValueError:
         return BAD_CHECKSUM_REASON, []
-    if given != reduce(xor, content.encode(), 0):
+    if stated_checksum != reduce(xor, content.encode(), 0):
         return BAD_CHECKSUM_REASON, []
     address, *fields = content.split(",")
     is_standard = STANDARD_ADDRESS.fullmatch(address) is not None
@@ -155,11 +155,13 @@ def read_sentences(columns: Columns, ledger: RowLedger) -> GnssFix:
     split = [*map(split_sentence, values), (NO_SENTENCE_REASON, [])]
     codes = np.full(len(columns), -1, np.int64) if field is None else field.codes.astype(np.int64)
     names = np.array([kind for kind, _ in split])
-    wanted = next((kind for kind in kinds if kind in names), kinds[0])
+    sentence_kind = next((kind for kind in kinds if kind in names), kinds[0])
     for reason in (NO_SENTENCE_REASON, NO_CHECKSUM_REASON, BAD_CHECKSUM_REASON, SENTENCE_TOO_SHORT_REASON):
         ledger.reject((names == reason)[codes], reason)
-    ledger.set_aside((names != wanted)[codes], OTHER_SENTENCE_REASON)
-    said = [SENTENCE_PARSERS[kind][1](fields) if kind == wanted else SentenceValues(False) for kind, fields in split]
+    ledger.set_aside((names != sentence_kind)[codes], OTHER_SENTENCE_REASON)
+    said = [
+        SENTENCE_PARSERS[kind][1](fields) if kind == sentence_kind else SentenceValues(False) for kind, fields in split
+    ]
 
     def column(name: str) -> FloatArray:
         return np.array([getattr(each, name) for each in said], np.float64)[codes]

@@ -134,8 +134,8 @@ def _speed_and_direction_without_orientation(ledger: RowLedger, linear: FloatArr
 
 def _rotated_horizontal_part(rotation: FloatArray, vector: FloatArray) -> ComplexArray:
     """The horizontal part of turned vectors, x + iy, shape (n,)."""
-    turned = np.einsum("nij,nj->ni", rotation[:, :2], vector)
-    return np.asarray(turned[:, 0] + 1j * turned[:, 1])
+    rotated = np.einsum("nij,nj->ni", rotation[:, :2], vector)
+    return np.asarray(rotated[:, 0] + 1j * rotated[:, 1])
 
 
 def _variance_along(covariance: FloatArray, towards: FloatArray) -> FloatArray:

@@ -163,8 +163,8 @@ def _own_message_mask(senders: Senders, reading: Reading) -> BoolArray:
     """Return which messages (n,) the recording vehicle sent: they say so, or the user has named its station."""
     if reading.ego_station is None:
         return senders.is_own
-    wanted = reading.ego_station.lower()
-    is_named = np.array([value.lower() == wanted for value in senders.station.values] + [False])
+    ego_station = reading.ego_station.lower()
+    is_named = np.array([value.lower() == ego_station for value in senders.station.values] + [False])
     is_own: BoolArray = senders.is_own | is_named[senders.station.codes]
     return is_own
 

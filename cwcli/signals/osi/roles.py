@@ -168,8 +168,8 @@ def _objects_other_rows_timeline_rows_and_times(
 
 def _median_or_none(sizes_m: FloatArray) -> float | None:
     """Return the median of the finite sizes, or None where there are none."""
-    given = sizes_m[np.isfinite(sizes_m)]
-    return median_of_values(given) if len(given) else None
+    known_sizes_m = sizes_m[np.isfinite(sizes_m)]
+    return median_of_values(known_sizes_m) if len(known_sizes_m) else None
 
 
 def _isotropic_position_covariances(n: int) -> FloatArray:

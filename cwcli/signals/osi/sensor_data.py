@@ -102,6 +102,6 @@ def _reference_point_offsets_m(objects: Elements) -> FloatArray:
 def _rear_axle_x_m(columns: Columns, reading: Reading) -> float:
     """Return how far ahead (m) of the box's centre the host's rear axle is; NaN where the GroundTruth does not say."""
     world = read_moving_objects(columns, reading, RowLedger(columns, reading.role), SENSOR_DATA_PREFIX)
-    given = world.rear_x_m[world.is_host_mask]
-    given = given[np.isfinite(given)]
-    return median_of_values(given) if len(given) else float("nan")
+    known_x_m = world.rear_x_m[world.is_host_mask]
+    known_x_m = known_x_m[np.isfinite(known_x_m)]
+    return median_of_values(known_x_m) if len(known_x_m) else float("nan")

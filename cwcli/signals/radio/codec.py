@@ -158,8 +158,8 @@ def make_radio_codec(form: str) -> V2xCodec:
 def _decode_messages_named_with_rows(
     found: frames.UnwrappedFrames, form: str, name: str, kind: messages.PackedMessage
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages]:
-    wanted = [number for number, other in MESSAGE_NAMES_BY_FORMAT[form].items() if other == name]
-    rows = np.flatnonzero(np.isin(found.message, wanted) & (found.status == 0))
+    message_numbers = [number for number, other in MESSAGE_NAMES_BY_FORMAT[form].items() if other == name]
+    rows = np.flatnonzero(np.isin(found.message, message_numbers) & (found.status == 0))
     octets = found.octets.select_messages(rows)
     return rows, messages.decode_messages(kind.program, octets, _header_mismatch_status(octets, kind))
 

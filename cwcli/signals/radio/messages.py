@@ -123,9 +123,9 @@ def decode_messages(program: Program, octets: Octets, status: UInt8Array | None 
     counts = np.zeros(n_tables, np.int64)
     current = np.zeros(n_tables, np.int64)
     data = np.ascontiguousarray(octets.data, np.uint8)
-    done = 0
+    n_decoded = 0
     while n and len(data):
-        done = uper.decode(
+        n_decoded = uper.decode(
             data,
             np.ascontiguousarray(octets.starts, np.int64),
             np.ascontiguousarray(octets.ends, np.int64),
@@ -133,11 +133,11 @@ def decode_messages(program: Program, octets: Octets, status: UInt8Array | None 
             tables=np.array([[table.ctypes.data, table.shape[1], len(table)] for table in tables], np.int64),
             counts=counts,
             current=current,
-            first=done,
+            first=n_decoded,
             missing=MISSING_CODE,
             status=status,
         )
-        if done == n:
+        if n_decoded == n:
             break
         tables[1:] = [np.concatenate([table, np.zeros_like(table)]) for table in tables[1:]]
     if not len(data):

@@ -67,13 +67,13 @@ class _OctetCursor:
         value = self.octets.data[np.minimum(self.at, last)].astype(np.int64)
         return np.where(self.at < self.octets.ends, value, 0)
 
-    def take_octet(self, wanted: BoolArray | None = None) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    def take_octet(self, is_wanted: BoolArray | None = None) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
         """Return the next octet of the messages that are wanted and move on there; 0 for the others."""
-        if wanted is None:
-            wanted = np.ones(len(self.at), np.bool_)
-        value = np.where(wanted, self.peek_octet(), 0)
-        self.is_short |= wanted & (self.at >= self.octets.ends)
-        self.at += wanted
+        if is_wanted is None:
+            is_wanted = np.ones(len(self.at), np.bool_)
+        value = np.where(is_wanted, self.peek_octet(), 0)
+        self.is_short |= is_wanted & (self.at >= self.octets.ends)
+        self.at += is_wanted
         return value
 
     def skip_psid(self) -> None:
@@ -82,9 +82,9 @@ class _OctetCursor:
         self.at += (first >= 0x80).astype(np.int64) + (first >= 0xC0) + (first >= 0xE0)
         self.is_short |= (first >= 0xF0) | (self.at > self.octets.ends)
 
-    def skip_extensions(self, wanted: BoolArray) -> None:
+    def skip_extensions(self, is_wanted: BoolArray) -> None:
         """Skip the extensions: their number, and of each an identifier, a length and so many octets."""
-        left = self.take_octet(wanted)
+        left = self.take_octet(is_wanted)
         self.is_short |= left > MAX_HEADER_EXTENSIONS
         for _ in range(MAX_HEADER_EXTENSIONS):
             has_one = (left > 0) & ~self.is_short

@@ -51,8 +51,8 @@ class RoadAhead:
     def direction_rad(self) -> FloatArray:
         """The direction of the centre line in the body frame at the grid's arc lengths, shape (k,), rad."""
         steps = np.diff(ARC_LENGTH_GRID_M) * (self.curvature_1pm[1:] + self.curvature_1pm[:-1]) / 2
-        turned = np.concatenate([[0.0], np.cumsum(steps)])
-        return np.asarray(turned - np.interp(0.0, ARC_LENGTH_GRID_M, turned) - self.heading_rad)
+        direction = np.concatenate([[0.0], np.cumsum(steps)])
+        return np.asarray(direction - np.interp(0.0, ARC_LENGTH_GRID_M, direction) - self.heading_rad)
 
     @cached_property
     def centre_line_m(self) -> tuple[FloatArray, FloatArray]:
@@ -79,8 +79,8 @@ class RoadAhead:
     @cached_property
     def n_grid_points_ahead(self) -> int:
         """The number of grid points before the road turns away from the camera (75 deg)."""
-        away = np.flatnonzero(np.abs(self.direction_rad) > MAX_SEEN_ROAD_DIRECTION_RAD)
-        return int(away[0]) if len(away) else len(ARC_LENGTH_GRID_M)
+        far_points = np.flatnonzero(np.abs(self.direction_rad) > MAX_SEEN_ROAD_DIRECTION_RAD)
+        return int(far_points[0]) if len(far_points) else len(ARC_LENGTH_GRID_M)
 
     def line_y_at_distance_m(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
         """y of the line at an offset, at distances ahead, m; NaN outside the road."""

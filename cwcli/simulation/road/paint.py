@@ -53,16 +53,16 @@ def _paint_stripe(
     left = road.line_column_at_distance_px(camera, at_m + half, rows.sub_x_m)
     right = road.line_column_at_distance_px(camera, at_m - half, rows.sub_x_m)
     with np.errstate(invalid="ignore"):
-        seen = np.isfinite(left) & np.isfinite(right) & (right > -1) & (left < camera.width_px + 1)
-    at = np.flatnonzero(seen.any(axis=1))
+        is_in_view = np.isfinite(left) & np.isfinite(right) & (right > -1) & (left < camera.width_px + 1)
+    at = np.flatnonzero(is_in_view.any(axis=1))
     if not len(at):
         return
-    seen, left, right = seen[at], np.where(seen, left, 0.0)[at], np.where(seen, right, 0.0)[at]
-    first = np.floor(np.where(seen, left, np.inf).min(axis=1) + 0.5).astype(np.intp)
-    last = np.floor(np.where(seen, right, -np.inf).max(axis=1) + 0.5).astype(np.intp)
+    is_in_view, left, right = is_in_view[at], np.where(is_in_view, left, 0.0)[at], np.where(is_in_view, right, 0.0)[at]
+    first = np.floor(np.where(is_in_view, left, np.inf).min(axis=1) + 0.5).astype(np.intp)
+    last = np.floor(np.where(is_in_view, right, -np.inf).max(axis=1) + 0.5).astype(np.intp)
     columns = first[:, None] + np.arange(int((last - first).max()) + 1)[None, :]
     edge_m = road.line_station_at_distance_m(at_m, rows.edge_x_m[at])
-    shares = _painted_share_of_dashes(edge_m - marking.phase_m, dash_m) * seen
+    shares = _painted_share_of_dashes(edge_m - marking.phase_m, dash_m) * is_in_view
     if where_m:
         shares *= _share_inside_painted_stretches(edge_m, where_m)
     start = columns[:, :, None] - 0.5

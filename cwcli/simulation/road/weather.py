@@ -120,8 +120,8 @@ def add_rain_streaks_and_drops(image: Float32Array, light: Light, rng: np.random
         cv2.ellipse(drops, middle, axes, 0, 0, 360, (255,), -1, cv2.LINE_AA, 4)
     share = cv2.GaussianBlur(drops, (0, 0), 0.6 * scale).astype(np.float32) / 255.0
     size = int(6 * scale) * 2 + 1
-    seen = cv2.flip(cv2.blur(image, (size, size)), 0) * 0.35 + cv2.blur(image, (size, size)) * 0.65
-    return np.asarray(image + 0.8 * share * (seen - image), np.float32)
+    through_drop = cv2.flip(cv2.blur(image, (size, size)), 0) * 0.35 + cv2.blur(image, (size, size)) * 0.65
+    return np.asarray(image + 0.8 * share * (through_drop - image), np.float32)
 
 
 @cache

@@ -153,11 +153,11 @@ def topic_and_camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_ne
     """
     record = read_run_records(log).get(LANES.stage, {})
     configuration = read_configuration(record)
-    given, recorded = (
+    recorded_choice, recorded = (
         found if isinstance(found, dict) else {} for found in map(configuration.get, RECORDED_LANES_SETTINGS)
     )
     chosen = {**{str(role): str(topic) for role, topic in recorded.items()}, **topics}
-    mounting = {entry.name: read_finite_number_or_nan(given, entry.name) for entry in fields(Mounting)}
+    mounting = {entry.name: read_finite_number_or_nan(recorded_choice, entry.name) for entry in fields(Mounting)}
     angle_rad = read_finite_number_or_nan(configuration, "field_of_view_rad")
     cameras = (str(entry.get("topic")) for entry in read_input_counts(record) if entry.get("role") == Role.CAMERA.value)
     topic = next(cameras, "")
@@ -221,22 +221,25 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
     """
     if isinstance(choice, Mounting):
         return MountingSource(choice, is_pitch_known=choice.pitch_rad != 0.0)
-    given = choice.given_values_by_option()
-    if len(given) == len(MOUNTING_OPTION_NAMES):
-        return MountingSource(Mounting(**given), is_pitch_known=True)
+    given_values = choice.given_values_by_option()
+    if len(given_values) == len(MOUNTING_OPTION_NAMES):
+        return MountingSource(Mounting(**given_values), is_pitch_known=True)
     pose, counts, notes = _pose_from_transforms(log, frame_id.lstrip("/"))
     if pose is None:
-        mounting = Mounting(**given)
+        mounting = Mounting(**given_values)
         note = (
             f"{ASSUMED_MOUNTING_TEXT}: {mounting.height_m:g} m above the road, level, straight ahead and in the "
             f"middle of the car are assumed ({', '.join(MOUNTING_OPTION_NAMES.values())})"
         )
-        notes = notes if given else (*notes, note)
-        return MountingSource(mounting, "pitch_rad" in given, counts, notes)
+        notes = notes if given_values else (*notes, note)
+        return MountingSource(mounting, "pitch_rad" in given_values, counts, notes)
     mounting = Mounting(pose.height_m, pose.pitch_rad, pose.yaw_rad, pose.roll_rad, pose.lateral_m)
-    if given:
-        notes = (*notes, f"{', '.join(MOUNTING_OPTION_NAMES[name] for name in given)} counts before the transform")
-    return MountingSource(replace(mounting, **given), True, counts, notes)
+    if given_values:
+        notes = (
+            *notes,
+            f"{', '.join(MOUNTING_OPTION_NAMES[name] for name in given_values)} counts before the transform",
+        )
+    return MountingSource(replace(mounting, **given_values), True, counts, notes)
 
 
 def _pose_from_transforms(

@@ -108,15 +108,15 @@ def read_sensor_signals(
         if Role.EGO_POSITION in required:
             raise add_stations_to_error(error, log, given=how.ego_station) from None
         raise
-    wanted = bound.fields_to_load()
+    fields_to_load = bound.fields_to_load()
     every = {role: [each for one in b for each in (one, *one.parts)] for role, b in bound.by_role.items()}
     for binding in (each for bindings in every.values() for each in bindings):
-        wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
+        fields_to_load.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
     own = {} if also is None else {role: bindings[0].topic for role, bindings in also.by_role.items()}
     further = {topic: (fields or {}).get(role) for role, topic in own.items()}
     loaded = {
         topic: columns.slice_by_log_time(config.start_ns, config.end_ns)
-        for topic, columns in log.load_topics({**wanted, **further}).items()
+        for topic, columns in log.load_topics({**fields_to_load, **further}).items()
     }
     timed = {each.topic for role, bindings in every.items() if role not in ROLES_WITHOUT_TIME for each in bindings}
     usual_ns = first_and_last_log_time_without_strays([loaded[topic].log_time_ns for topic in timed])

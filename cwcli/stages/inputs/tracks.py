@@ -126,15 +126,15 @@ def add_sigmas_of_extremes(
     log: Log, tracks: TracksOfLog, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]
 ) -> list[MeasuredPair]:
     """Return the pairs with sigmas of their extremes, from the covariances of the states at those stamps."""
-    wanted: dict[str, list[Int64Array]] = {tracks.ego_id: []}
+    stamps_by_vehicle: dict[str, list[Int64Array]] = {tracks.ego_id: []}
     at = {pair.other_id: stamps_of_extremes_with_sigma(pair, measures) for pair in pairs}
     for vehicle, stamps in at.items():
         theirs = tracks.others[vehicle].stamp_ns
         latest = np.clip(np.searchsorted(theirs, stamps, side="right") - 1, 0, None)
-        wanted[vehicle] = [theirs[latest]]
-        wanted[tracks.ego_id].append(stamps)
+        stamps_by_vehicle[vehicle] = [theirs[latest]]
+        stamps_by_vehicle[tracks.ego_id].append(stamps)
     known = _read_covariances_at_stamps(
-        log, tracks, {vehicle: np.concatenate(each) for vehicle, each in wanted.items() if each}
+        log, tracks, {vehicle: np.concatenate(each) for vehicle, each in stamps_by_vehicle.items() if each}
     )
     rows_with_sigmas = []
     for pair in pairs:
@@ -142,10 +142,10 @@ def add_sigmas_of_extremes(
         if not len(stamps):
             rows_with_sigmas.append(pair)
             continue
-        here = tracks.pair_with_ego(pair.other_id).select_rows(np.searchsorted(tracks.ego.stamp_ns, stamps))
-        own, theirs_ns = known[tracks.ego_id], wanted[pair.other_id][0]
+        pair_at_extremes = tracks.pair_with_ego(pair.other_id).select_rows(np.searchsorted(tracks.ego.stamp_ns, stamps))
+        own, theirs_ns = known[tracks.ego_id], stamps_by_vehicle[pair.other_id][0]
         covariances = _covariances_at_stamps(own, stamps), _covariances_at_stamps(known[pair.other_id], theirs_ns)
-        rows_with_sigmas.append(add_sigmas_to_extremes(pair, here, measures, covariances))
+        rows_with_sigmas.append(add_sigmas_to_extremes(pair, pair_at_extremes, measures, covariances))
     return rows_with_sigmas
 
 
@@ -166,8 +166,10 @@ def _read_covariances_at_stamps(
         for states in _iter_states_near_stamps(log, topic, role, tracks, vehicles_of_channel, stamps):
             for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
                 if vehicle in vehicles_of_channel:
-                    here = rows[np.isin(states.stamp_ns[rows], stamps[vehicle])]
-                    pairs = zip(states.stamp_ns[here].tolist(), states.covariance[here], strict=True)
+                    rows_at_stamps = rows[np.isin(states.stamp_ns[rows], stamps[vehicle])]
+                    pairs = zip(
+                        states.stamp_ns[rows_at_stamps].tolist(), states.covariance[rows_at_stamps], strict=True
+                    )
                     found[vehicle].update((stamp, covariance.copy()) for stamp, covariance in pairs)
     return found
 

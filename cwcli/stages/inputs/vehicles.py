@@ -96,5 +96,5 @@ def _predict_onset_paths(states: VehicleStates, rows: npt.NDArray[np.intp], time
     """Predict paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
     plan = PathPlan(ONSET_MODEL, RolloutSettings(float(time_s[-1]), step_s), states.state, states.covariance)
-    turned = left_turn_on_last_way_rad(states.stamp_ns[rows], states.log_time_ns[rows], states.state[rows])
-    return TurnEndingPaths(SelectedPaths(plan, rows), turned)
+    turned_rad = left_turn_on_last_way_rad(states.stamp_ns[rows], states.log_time_ns[rows], states.state[rows])
+    return TurnEndingPaths(SelectedPaths(plan, rows), turned_rad)

@@ -65,8 +65,8 @@ def _shift_event_ids(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
     for table in outcome.tables:
         if EVENT_ID_COLUMN in table.columns:
             ids = np.asarray(table.columns[EVENT_ID_COLUMN])  # 0: no event, in the table of conflicts
-            moved = np.where(ids > 0, ids + n_before, ids)
-            tables.append(replace(table, columns={**table.columns, EVENT_ID_COLUMN: moved}))
+            shifted_ids = np.where(ids > 0, ids + n_before, ids)
+            tables.append(replace(table, columns={**table.columns, EVENT_ID_COLUMN: shifted_ids}))
         else:
             tables.append(table)
     sections = tuple(_shift_event_ids_of_table(section, n_before) for section in outcome.sections)

@@ -46,7 +46,7 @@ def decide_by_contact_probability(
     """Decide by the probability of contact: it must be probable, serious and persistent."""
     armed = _is_contact_probable(measures.late_probability, config)
     raised = armed & _is_probable_despite_gentle_braking(measures, config)
-    held = measures.late_probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
+    is_held = measures.late_probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
     shown, at_once = measures, None
     if measures.farther is not None:
         farther = measures.farther
@@ -54,7 +54,7 @@ def decide_by_contact_probability(
         shown = _select_by_row(needs_braking & ~raised, farther, measures)
         armed |= _is_contact_probable(farther.late_probability, config)
         raised |= needs_braking
-        held |= farther.late_probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
+        is_held |= farther.late_probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
     if onset is not None:
         at_once = _is_probable_despite_gentle_braking(onset, config)
         shown = _select_by_row(at_once & ~raised, onset, shown)
@@ -62,12 +62,12 @@ def decide_by_contact_probability(
             needs_braking = _is_contact_probable(onset.farther.probability, config)
             shown = _select_by_row(needs_braking & ~raised & ~at_once, onset.farther, shown)
             at_once |= needs_braking
-            held |= onset.farther.probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
-        held |= onset.probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
+            is_held |= onset.farther.probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
+        is_held |= onset.probability > RELEASE_SHARE_OF_PROBABILITY_THRESHOLD * config.probability
     return Decision(
         armed=armed,
         raised=raised,
-        held=held,
+        held=is_held,
         time_to_event_s=np.where(np.isfinite(shown.overlap_s), shown.overlap_s, shown.min_time_s),
         predicted_distance_m=shown.min_distance_m,
         at_once=at_once,

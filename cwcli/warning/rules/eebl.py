@@ -77,13 +77,13 @@ def _gap_and_mask_of_vehicle_ahead(states: PairStates) -> tuple[FloatArray, Bool
     speed = np.maximum(np.abs(host[:, SPEED]), MIN_HOST_SPEED_MPS)
     curvature = np.nan_to_num(host[:, YAW_RATE] / speed)
     # the arc about (0, 1/k): where on it the other is nearest, and how far off it
-    turned = np.arctan2(curvature * forward, 1.0 - curvature * left)
+    direction_rad = np.arctan2(curvature * forward, 1.0 - curvature * left)
     is_straight = np.abs(curvature) * np.hypot(forward, left) < 1e-6
     with np.errstate(divide="ignore", invalid="ignore"):
-        along = np.where(is_straight, forward, turned / curvature)
+        along = np.where(is_straight, forward, direction_rad / curvature)
         to_centre = np.hypot(curvature * forward, 1.0 - curvature * left)
         across = np.where(is_straight, left, (1.0 - to_centre) / curvature)
-    way = wrap_angle(other[:, HEADING] - host[:, HEADING] - np.where(is_straight, 0.0, turned))
+    way = wrap_angle(other[:, HEADING] - host[:, HEADING] - np.where(is_straight, 0.0, direction_rad))
     gap = along - 0.5 * (states.sizes[0][0] + states.sizes[1][0])
     follows = (gap > 0.0) & (np.abs(across) <= MAX_LATERAL_OFFSET_M) & (np.abs(way) <= MAX_HEADING_DIFFERENCE_RAD)
     follows &= (host[:, SPEED] >= MIN_HOST_SPEED_MPS) & (other[:, SPEED] >= 0.0)

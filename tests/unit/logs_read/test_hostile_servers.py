@@ -113,5 +113,6 @@ def test_timeout_is_an_option(capsys: pytest.CaptureFixture[str]) -> None:
     with serve(HOSTILE_SERVERS["accepts and says nothing"][0]) as url:
         assert run_command_line(["info", url, "--timeout", "4"]) == 3
     said = capsys.readouterr().err
-    assert "did not send 1,000 bytes within 4 s" in said
+    # on a busy machine the connection itself may take that long
+    assert "did not send 1,000 bytes within 4 s" in said or "the server did not answer in time" in said
     assert "--timeout" in said and SECRET not in said
