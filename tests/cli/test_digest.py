@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from cwcli.cli.main import run_command_line
+from cwcli.errors import EXIT_PIPE_CLOSED
 from cwcli.evaluation.doubts import find_doubts
 from cwcli.logs.read.reader import Log
 from cwcli.report.build import build_report
@@ -25,6 +29,7 @@ DOUBTFUL = {
 """Logs of which it is known that the estimate is wrong -> how the first sentence on them begins."""
 UNCOMMON_WORDS = ("no channel holds", "ego", "sigma", "likelihood", "covariance", "NIS", "truth of")
 """Words that a reader who has never seen cwcli does not know."""
+PATH_OF_CWCLI = {"PYTHONPATH": str(ROOT)}
 LOGS = sorted([*SAMPLES.glob("*.mcap"), *SHARED_LOGS.glob("*.mcap")])
 
 
@@ -153,7 +158,28 @@ def test_digest_goes_to_stderr_where_stdout_has_the_log(cwcli: Run, intersection
     assert done.stderr.startswith(b"estimate ")
 
 
-@pytest.mark.parametrize("name", ["city", "cut-in", "following", "near-miss-crossing", "oncoming-left-turn"])
+def test_a_pipe_that_nobody_reads_ends_the_digest_quietly(intersection: Path, tmp_path: Path) -> None:
+    """The log is whole all the same."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "cwcli", "estimate", str(intersection), "-o", "estimated.mcap"]
+    done = subprocess.run(
+        command, cwd=tmp_path, stdout=writer, stderr=subprocess.PIPE, check=False, env={**os.environ, **PATH_OF_CWCLI}
+    )
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (EXIT_PIPE_CLOSED, b"")
+    with Log.open(str(tmp_path / "estimated.mcap")) as log:
+        assert find_doubts(log) == ()
+
+
+CLEAN_DRIVES = ("city", "cut-in", "following", "near-miss-crossing", "oncoming-left-turn")
+"""Scenarios of which one drive is tried; with `--long` two are tried of these and of the others."""
+MORE_CLEAN_DRIVES = ("brake-and-release", "parallel-lanes", "phone", "stopped-behind-curve", "xiang2019-weave")
+
+
+@pytest.mark.parametrize(
+    "name", [*CLEAN_DRIVES, *(pytest.param(each, marks=pytest.mark.long) for each in MORE_CLEAN_DRIVES)]
+)
 @pytest.mark.parametrize("seed", [11, pytest.param(12, marks=pytest.mark.long)])
 def test_clean_drive_is_not_doubted(name: str, seed: int, tmp_path: Path) -> None:
     log, target = tmp_path / "log.mcap", tmp_path / "annotated.mcap"
