@@ -23,9 +23,9 @@ MAX_MAPPED_BYTES_OF_ARRAY_FILE = 64 << 20
 """Size of the pages of the large arrays' file that the process holds in memory, about 64 MiB; chosen by hand."""
 MAX_ARRAY_FILE_BYTES = 1 << 40
 """Greatest size of the large arrays' file, 1 TiB; chosen by hand, since it takes only the disk space that is used."""
-FOLDER_ON_DISK = "/var/tmp"
+LARGE_ARRAY_FOLDER = "/var/tmp"
 """The folder of the file that holds large arrays where /tmp is in memory."""
-_ONE_AT_A_TIME = threading.Lock()
+_ARRAY_FILE_LOCK = threading.Lock()
 """The lock under which the file is opened."""
 
 
@@ -48,7 +48,7 @@ def bound_array_memory_and_get_old_handler() -> object | None:
     Returns:
         The handler of arrays' memory that was used before; None where nothing is done.
     """
-    with _ONE_AT_A_TIME:  # of the threads that begin together, one opens the file
+    with _ARRAY_FILE_LOCK:  # of the threads that begin together, one opens the file
         handler = _open_file_and_get_memory_handler()
     return None if handler is None else spill.use(handler)
 
@@ -56,7 +56,7 @@ def bound_array_memory_and_get_old_handler() -> object | None:
 @cache
 def _open_file_and_get_memory_handler() -> Any:
     """Open the file and return the handler for arrays' memory; None where none can be had."""
-    for folder in (tempfile.gettempdir, lambda: FOLDER_ON_DISK):
+    for folder in (tempfile.gettempdir, lambda: LARGE_ARRAY_FOLDER):
         with suppress(OSError, AttributeError):  # `gettempdir` finds none where no folder can be written
             descriptor = os.open(folder(), os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)
             handler = None

@@ -31,11 +31,11 @@ MAX_OPEN_FILES = 64
 CPU_S, CPU_S_PER_MEGABYTE = 4, 8
 """Processor time of the process in seconds, and seconds more for each megabyte of the file. Chosen by hand: about a
 hundred times what ordinary bags take."""
-ROOM_HINT = "point TMPDIR to a folder with more room"
+DISK_SPACE_HINT = "point TMPDIR to a folder with more room"
 """The advice to a user whose temporary file can't be written."""
-HARM_HINT = "it is damaged, or made to do harm"
+DAMAGED_OR_HARMFUL_FILE_HINT = "it is damaged, or made to do harm"
 """The advice to a user whose file takes more than it may, or ends the process that reads it."""
-ERROR_CLASSES: dict[str, type[CwcliError]] = {
+ERROR_CLASS_BY_NAME: dict[str, type[CwcliError]] = {
     each.__name__: each for each in (InputError, UsageError, DataError, MissingSignalError, OutputError)
 }
 """Name of an error in the answer -> its class."""
@@ -80,7 +80,7 @@ def run_bounded(
     *,
     descriptors: Sequence[int] = (),
     folder: str | None = None,
-    classes: Mapping[str, type[CwcliError]] = ERROR_CLASSES,
+    classes: Mapping[str, type[CwcliError]] = ERROR_CLASS_BY_NAME,
 ) -> dict[str, Any]:
     """Run a function in a process of its own and return its answer.
 
@@ -115,9 +115,9 @@ def run_bounded(
         return found
     if code == -getattr(signal, "SIGXCPU", 0):
         what = f"reading it takes more than the {limits.cpu_s} s of processor time that a file of its size may take"
-        raise InputError(what, where=name, hint=HARM_HINT)
+        raise InputError(what, where=name, hint=DAMAGED_OR_HARMFUL_FILE_HINT)
     how = signal.Signals(-code).name if -code in set(signal.Signals) else f"code {code}"
-    raise InputError(f"the process that reads it ended with {how}", where=name, hint=HARM_HINT)
+    raise InputError(f"the process that reads it ended with {how}", where=name, hint=DAMAGED_OR_HARMFUL_FILE_HINT)
 
 
 def command_with_limits(command: Sequence[str], limits: Limits, *, has_no_network: bool = False) -> list[str]:
@@ -193,11 +193,11 @@ def _error_of_answer(
     kind = error_fields.get("kind")
     if kind == "memory":
         what = f"reading it takes more than {limits.memory_mb:,} MB of memory"
-        return InputError(what, where=name, hint=HARM_HINT)
+        return InputError(what, where=name, hint=DAMAGED_OR_HARMFUL_FILE_HINT)
     if kind == "system":
         number = error_fields.get("errno")
         reason = os.strerror(number) if isinstance(number, int) else "unknown"
-        return OutputError(f"{name} can't be converted: {reason}", where=tempfile.gettempdir(), hint=ROOM_HINT)
+        return OutputError(f"{name} can't be converted: {reason}", where=tempfile.gettempdir(), hint=DISK_SPACE_HINT)
     if kind == "pipe":
         return BrokenPipeError()
     if kind == "bug":

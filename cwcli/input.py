@@ -34,7 +34,7 @@ MIN_READ_BYTES = 1 << 13
 """Least number of bytes that one read takes; the next records are mostly among them. Chosen by hand."""
 BYTES_HASHED_AT_ONCE = 1 << 20
 """Number of bytes that are hashed at a time, 1 MiB; chosen by hand."""
-CLOCK_TICK_NS = 10_000_000
+FILE_STAMP_TICK_NS = 10_000_000
 """Time in ns within which two changes of a file may get the same time stamp: the kernel ticks a hundred times a
 second."""
 MAX_CHUNK_BYTES = 256_000_000
@@ -49,7 +49,7 @@ MAX_BINARY_BYTES = 4_000_000_000
 """Greatest size of a net or a table that is read whole [bytes]; chosen by hand."""
 BYTES_PER_MEGABYTE = 1_000_000
 """Bytes in a megabyte, for messages to users."""
-PIPE_WAIT_S = 60.0
+PIPE_WRITER_TIMEOUT_S = 60.0
 """Time in s within which somebody must write into a named pipe. Chosen by hand, as the default of `--timeout`."""
 STANDARD_STREAMS = (1, 2)
 """File descriptors of standard output and standard error (POSIX)."""
@@ -279,19 +279,19 @@ class InputsOfRun:
     open: set[InputFile] = field(default_factory=set)
 
 
-_RUN: ContextVar[InputsOfRun | None] = ContextVar("inputs", default=None)
+_INPUTS_OF_RUN: ContextVar[InputsOfRun | None] = ContextVar("inputs", default=None)
 """The inputs of the current run; None outside of `remember_inputs`."""
 
 
 @contextmanager
 def remember_inputs() -> Iterator[None]:
     """Remember the files that are read inside the block, together with those of the enclosing block."""
-    outside = _RUN.get()
-    token = _RUN.set(InputsOfRun(dict(outside.names) if outside else {}))
+    outside = _INPUTS_OF_RUN.get()
+    token = _INPUTS_OF_RUN.set(InputsOfRun(dict(outside.names) if outside else {}))
     try:
         yield
     finally:
-        _RUN.reset(token)
+        _INPUTS_OF_RUN.reset(token)
 
 
 def remember_input_file(name: str | Path) -> None:
@@ -306,7 +306,7 @@ def remember_input_file(name: str | Path) -> None:
 
 def is_input_of_run(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
     """Return whether the file is an input of this run, or one of the files in `more`."""
-    inputs = _RUN.get()
+    inputs = _INPUTS_OF_RUN.get()
     place = _file_identity_size_and_time(found)[:2]
     of_more = (file.state[:2] for each in more for file in each.disk_files)
     return (inputs is not None and place in inputs.names) or place in of_more
@@ -318,14 +318,14 @@ def check_unchanged(more: Sequence[InputFile] = ()) -> None:
     Raises:
         InputError: One has.
     """
-    inputs = _RUN.get()
+    inputs = _INPUTS_OF_RUN.get()
     for each in (*(inputs.open if inputs is not None else ()), *more):
         each.check_unchanged()
 
 
 def names_of_inputs_in_folders(*folders: Path) -> list[str]:
     """Return the names of this run's inputs that lie in one of the folders or below it."""
-    inputs = _RUN.get()
+    inputs = _INPUTS_OF_RUN.get()
     prefixes = tuple(os.path.realpath(folder) + os.sep for folder in folders)
     names = inputs.names.values() if inputs is not None else ()
     return [name for name in names if os.path.realpath(name).startswith(prefixes)]
@@ -357,7 +357,7 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
 
 def _remember_run_input_and_get_inputs(found: os.stat_result, name: str) -> InputsOfRun | None:
     """Remember a regular file as an input of the run; return the run's inputs, None outside of a run."""
-    inputs = _RUN.get()
+    inputs = _INPUTS_OF_RUN.get()
     if inputs is not None and stat.S_ISREG(found.st_mode):
         for stream in STANDARD_STREAMS:
             with suppress(OSError):
@@ -376,7 +376,7 @@ def _open_file_for_reading(path: str | Path, name: str) -> int:
 
 
 def open_descriptor_within_wait(path: str | Path, flags: int = os.O_RDONLY) -> int:
-    """Open a file for reading and return its descriptor; on Linux, a named pipe needs a writer within `PIPE_WAIT_S`.
+    """Open a file for reading and return its descriptor; a named pipe of Linux waits `PIPE_WRITER_TIMEOUT_S` at most.
 
     Raises:
         OSError: It can't be opened, or nobody writes into it.
@@ -389,8 +389,8 @@ def open_descriptor_within_wait(path: str | Path, flags: int = os.O_RDONLY) -> i
         if stat.S_ISFIFO(os.fstat(descriptor).st_mode):
             poll = select.poll()
             poll.register(descriptor, select.POLLIN)
-            if not poll.poll(PIPE_WAIT_S * 1000):
-                raise OSError(errno.ETIMEDOUT, f"nobody has written into this pipe for {PIPE_WAIT_S:g} s")
+            if not poll.poll(PIPE_WRITER_TIMEOUT_S * 1000):
+                raise OSError(errno.ETIMEDOUT, f"nobody has written into this pipe for {PIPE_WRITER_TIMEOUT_S:g} s")
         os.set_blocking(descriptor, True)
     except BaseException:
         os.close(descriptor)
@@ -401,8 +401,8 @@ def open_descriptor_within_wait(path: str | Path, flags: int = os.O_RDONLY) -> i
 def _stat_after_clock_tick(descriptor: int) -> os.stat_result:
     """Return the file's state after waiting until any further change gets a later time than the last one."""
     since_ns = time.time_ns() - os.fstat(descriptor).st_mtime_ns
-    if 0 <= since_ns < CLOCK_TICK_NS:
-        time.sleep((CLOCK_TICK_NS - since_ns) / 1e9)
+    if 0 <= since_ns < FILE_STAMP_TICK_NS:
+        time.sleep((FILE_STAMP_TICK_NS - since_ns) / 1e9)
     return os.fstat(descriptor)
 
 

@@ -51,9 +51,9 @@ else:
 MAX_INSTANCES_BEFORE_COMPILATION = 64
 """Number of instances of a class that a loop fills before its methods are compiled. Chosen by hand: the loop takes some
 microseconds an instance, and compiling as long as a hundred of them."""
-_COPIED = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "__init__")
+_COPIED_ATTRIBUTES = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "__init__")
 """Methods and attributes that are taken from the compiled class; `__init__` comes last, so that threads see all."""
-_ON_DEMAND = ("__dataclass_params__", "__match_args__", "__signature__")
+_COMPILING_ATTRIBUTES = ("__dataclass_params__", "__match_args__", "__signature__")
 """Class attributes whose first use compiles the class."""
 _HAS_REPLACE = sys.version_info >= (3, 13)
 """Whether data classes have a `__replace__`, for `copy.replace` (Python 3.13)."""
@@ -168,7 +168,7 @@ class _Deferred:
         for name, value in methods.items():
             if name not in own:
                 self._set_stand_in(name, value)
-        for name in _ON_DEMAND:
+        for name in _COMPILING_ATTRIBUTES:
             self._set_stand_in(name, _Attribute(self, name))
         self._set_stand_in("__dataclass_fields__", _FieldDescriptions(self))
         if is_frozen:
@@ -193,7 +193,7 @@ class _Deferred:
             found = vars(twin)
             self._is_compiled = True
             type.__delattr__(owner, "__signature__")
-            for name in ("__dataclass_fields__", "__dataclass_params__", *_COPIED):
+            for name in ("__dataclass_fields__", "__dataclass_params__", *_COPIED_ATTRIBUTES):
                 current_method = vars(owner).get(name, _MISSING)
                 if name in found and (
                     current_method is _MISSING or current_method is self._stand_ins.get(name, _MISSING)

@@ -94,13 +94,13 @@ def channel_reference() -> str:
 def _header() -> str:
     """The text above the messages, with the table of channels."""
     from cwcli.channels.published import PUBLISHED_CHANNELS
-    from cwcli.control.encounter import POLICIES
+    from cwcli.control.encounter import BRAKING_POLICY_NAMES
 
     rows = [
         f"| `{each.topic}` | `{each.schema}` | `{each.stage}` | {f'`{each.role}`' if each.role else ''} | {each.what} |"
         for each in PUBLISHED_CHANNELS
     ]
-    return HEADER.format(rows="\n".join(rows), policies=", ".join(f"`{policy}`" for policy in POLICIES))
+    return HEADER.format(rows="\n".join(rows), policies=", ".join(f"`{policy}`" for policy in BRAKING_POLICY_NAMES))
 
 
 def _section(block: ProtoMessage) -> str:

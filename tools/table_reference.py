@@ -17,14 +17,14 @@ def scenario_page(text: str) -> str:
         LATERAL_KEYS,
         LONGITUDINAL_KEYS,
         ORIGIN_KEYS,
+        SCENARIO_TOP_LEVEL_KEYS,
         SENSOR_KEYS,
-        TOP_KEYS,
         V2X_KEYS,
         VEHICLE_KEYS,
     )
 
     tables: dict[str, Mapping[str, Key]] = {
-        "top": TOP_KEYS,
+        "top": SCENARIO_TOP_LEVEL_KEYS,
         "origin": ORIGIN_KEYS,
         "vehicle": VEHICLE_KEYS,
         "longitudinal": LONGITUDINAL_KEYS,
@@ -45,9 +45,9 @@ def _key_table(keys: Mapping[str, Key]) -> str:
 
 
 def _default_text(key: Key) -> str:
-    from cwcli.simulation.spec import REQUIRED
+    from cwcli.simulation.spec import REQUIRED_KEY_DEFAULT
 
-    if key.default is REQUIRED:
+    if key.default is REQUIRED_KEY_DEFAULT:
         return "required"
     if key.default in (None, ()):
         return "none"
@@ -90,10 +90,10 @@ def estimation_page(text: str) -> str:
         "gyroscope: bias": sensor_limits.YAW_RATE_BIAS_RANGE,
         "position: slow error": sensor_limits.SLOW_POSITION_SIGMA_RANGE,
         "position: stamp jitter (sigma)": sensor_limits.STAMP_SIGMA_RANGE,
-        "place ahead": sensor_limits.AHEAD_RANGE,
+        "place ahead": sensor_limits.LEVER_ARM_AHEAD_RANGE,
         "latency: change in a second": sensor_limits.LATENCY_DRIFT_RANGE,
         "latency": sensor_limits.LATENCY_RANGE,
-        **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGES.items()},
+        **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGE_BY_KIND.items()},
     }
     rows = [(name, f"{each.low:g} to {each.high:g} {each.unit}".rstrip(), each.source) for name, each in ranges.items()]
     return replace_marked_block(text, "bounds", format_markdown_table(("parameter", "range", "why"), rows))

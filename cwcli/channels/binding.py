@@ -50,19 +50,19 @@ if TYPE_CHECKING:
 
 TRUTH_TOPIC_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
 """Parts of topic names that mark a channel as reference values; chosen from the names in public logs."""
-ROLE_TEXT: dict[str, str] = {
+DESCRIPTION_BY_ROLE: dict[str, str] = {
     **{role: role.words for role in Role},
     **{role: channel.what for role, channel in CHANNEL_OF_ROLE.items()},
 }
 """Role -> what fills it, in the words of error messages."""
-ROLE_HINT: dict[str, str] = {
+MISSING_HINT_BY_ROLE: dict[str, str] = {
     **{role: role.hint for role in Role},
     **{role: f"run `cwcli {channel.stage} LOG -o annotated.mcap` first" for role, channel in CHANNEL_OF_ROLE.items()},
 }
 """Role -> the hint of the error that nothing fills it."""
 CAMERA_TO_PATH_CHANNELS = (LANES, OBSERVER, OBSERVER_PATH)
 """Channels that lead from a camera to a predicted path without a position, in the order of their stages."""
-EVERY_ROLE = tuple(ROLE_TEXT)
+ALL_ROLE_NAMES = tuple(DESCRIPTION_BY_ROLE)
 """Names of all roles: those of inputs, then those of cwcli's own channels."""
 TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH, Role.LATERAL_TRUTH})
 """Roles that only channels of reference values fill."""
@@ -216,7 +216,8 @@ def bind_roles(
             by_role[role] = tuple(candidates)
             if role in ONLINE_CHANNEL_OF_ROLE and candidates[0].topic == ONLINE_CHANNEL_OF_ROLE[role].topic:
                 notes.append(
-                    f"no channel holds {ROLE_TEXT[role]} in hindsight: {ONLINE_CHANNEL_OF_ROLE[role].topic} is used"
+                    f"no channel holds {DESCRIPTION_BY_ROLE[role]} in hindsight: "
+                    f"{ONLINE_CHANNEL_OF_ROLE[role].topic} is used"
                 )
         elif role in required:
             raise _missing_role_error(role, rivals, channels, where, command)
@@ -258,10 +259,10 @@ def parse_role_overrides(options: Sequence[str], name_of_option: str = "--topic"
 def check_topic_overrides(overrides: Mapping[str, str], name_of_option: str = "--topic") -> None:
     """Check that every role (name -> topic) exists; else a UsageError that names the option."""
     for name, value in overrides.items():
-        if name not in EVERY_ROLE:
+        if name not in ALL_ROLE_NAMES:
             raise UsageError(
                 f"{name_of_option} {name}={value}: there is no role {name}",
-                hint=hint_at_closest_or_all_known_names(name, EVERY_ROLE, "roles"),
+                hint=hint_at_closest_or_all_known_names(name, ALL_ROLE_NAMES, "roles"),
             )
         _parse_field_mappings(name, value)
 
@@ -375,13 +376,15 @@ def _bind_named_channel(channels: Sequence[ChannelLike], role: str, topic: str, 
         return _make_named_binding(channel, role, channel.schema_name)
     option = f"--topic {role}={topic}"
     if usable:
-        hint = f"topics that can hold {ROLE_TEXT[role]}: {', '.join(usable)}"
+        hint = f"topics that can hold {DESCRIPTION_BY_ROLE[role]}: {', '.join(usable)}"
     else:
-        hint = f"no channel of this log can hold {ROLE_TEXT[role]}"
+        hint = f"no channel of this log can hold {DESCRIPTION_BY_ROLE[role]}"
     schema = next((channel.schema_name for channel in channels if channel.topic in (topic, f"/{topic}")), None)
     if schema is None:
         raise UsageError(f"{option}: the log has no topic {topic}", where=where, hint=hint)
-    raise UsageError(f"{option}: {schema or 'no schema'} can't hold {ROLE_TEXT[role]}", where=where, hint=hint)
+    raise UsageError(
+        f"{option}: {schema or 'no schema'} can't hold {DESCRIPTION_BY_ROLE[role]}", where=where, hint=hint
+    )
 
 
 def _bind_radio_channel(channels: Sequence[ChannelLike], role: str, named: str, where: str) -> Binding:
@@ -422,18 +425,18 @@ def _missing_role_error(
         topics = tuple(dict.fromkeys(channel.topic for channel in fitting))
         verb = "has" if len(topics) == 1 else "have"
         return MissingSignalError(
-            f"no channel holds {ROLE_TEXT[role]}{needed}: {', '.join(topics)} {verb} no messages",
+            f"no channel holds {DESCRIPTION_BY_ROLE[role]}{needed}: {', '.join(topics)} {verb} no messages",
             where=where,
             found=found,
             hint="record the log again, or name another channel with --topic or --map",
         )
     by_hand = [channel.topic for channel in fitting if not _is_known_to_be_empty(channel)]
-    hint = _hint_at_camera_stages_or_empty(role, channels, command) or ROLE_HINT.get(role, "")
+    hint = _hint_at_camera_stages_or_empty(role, channels, command) or MISSING_HINT_BY_ROLE.get(role, "")
     if by_hand and role not in CHANNEL_OF_ROLE:
         hint = f"{hint}; " if hint else ""
         hint += f"{', '.join(dict.fromkeys(by_hand))} can be named with --topic {role}=/name"
     return MissingSignalError(
-        f"no channel holds {ROLE_TEXT[role]}{needed}", where=where, found=found or ("no channels",), hint=hint
+        f"no channel holds {DESCRIPTION_BY_ROLE[role]}{needed}", where=where, found=found or ("no channels",), hint=hint
     )
 
 
@@ -471,7 +474,7 @@ def _hint_at_camera_stages_or_empty(role: str, channels: Sequence[ChannelLike], 
 def _text_about_rival_channels(role: str, candidates: Sequence[Binding]) -> str:
     count = {2: "two"}.get(len(candidates), str(len(candidates)))
     names = [f"{candidate.topic} ({candidate.schema_name})" for candidate in candidates]
-    return f"{count} channels hold {ROLE_TEXT[role]}: {', '.join(names[:-1])} and {names[-1]}"
+    return f"{count} channels hold {DESCRIPTION_BY_ROLE[role]}: {', '.join(names[:-1])} and {names[-1]}"
 
 
 def _topic_option_text(role: str, candidates: Sequence[Binding]) -> str:
@@ -483,7 +486,7 @@ def _topic_option_text(role: str, candidates: Sequence[Binding]) -> str:
 
 
 def _role_names_text() -> str:
-    return f"roles: {', '.join(EVERY_ROLE)}"
+    return f"roles: {', '.join(ALL_ROLE_NAMES)}"
 
 
 def _make_named_binding(channel: ChannelLike, role: str, read_as_schema: str) -> Binding:

@@ -10,7 +10,7 @@ from cwcli.channels.ego_viewers import make_pose_channel
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import CONTROL_POSE, CONTROL_STATE, CONTROL_STEP
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
-from cwcli.control.encounter import POLICIES
+from cwcli.control.encounter import BRAKING_POLICY_NAMES
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
@@ -35,8 +35,8 @@ class ReplayedSteps:
         event_id: Number of the warning.
         other_id: The vehicle of which the host was warned.
         stamp_ns: Shape (k,).
-        states: Shape (k, 8), one for each of `POLICIES`: the host's.
-        series: Names of `STEP_SERIES_FIELDS` -> shape (k,), one for each of `POLICIES`.
+        states: Shape (k, 8), one for each of `BRAKING_POLICY_NAMES`: the host's.
+        series: Names of `STEP_SERIES_FIELDS` -> shape (k,), one for each of `BRAKING_POLICY_NAMES`.
     """
 
     event_id: int
@@ -58,7 +58,7 @@ def make_replay_channels(
     """
     channels: list[OutputChannel] = []
     stamp_ns = np.concatenate([one.stamp_ns for one in replays])
-    for policy, name in enumerate(POLICIES):
+    for policy, name in enumerate(BRAKING_POLICY_NAMES):
         state = np.concatenate([one.states[policy] for one in replays])
         host = VehicleStates.from_ego_states(stamp_ns, state, size_m=host_size_m)
         channels += [
@@ -75,7 +75,7 @@ def _control_step_channel_of_policy(
     counts = [len(one.stamp_ns) for one in replays]
     fields: dict[str, Field] = {
         "stamp_ns": stamp_ns,
-        "policy": repeat_string(POLICIES[policy], len(stamp_ns)),
+        "policy": repeat_string(BRAKING_POLICY_NAMES[policy], len(stamp_ns)),
         "event_id": np.repeat([one.event_id for one in replays], counts),
         "other_id": Strings(
             np.repeat(np.arange(len(replays)), counts).astype(np.int32), tuple(one.other_id for one in replays)
@@ -83,4 +83,4 @@ def _control_step_channel_of_policy(
     }
     for name in STEP_SERIES_FIELDS:
         fields[name] = np.concatenate([np.asarray(one.series[policy][name]) for one in replays])
-    return make_output_channel(CONTROL_STEP.with_policy_in_topic(POLICIES[policy]), stamp_ns, fields)
+    return make_output_channel(CONTROL_STEP.with_policy_in_topic(BRAKING_POLICY_NAMES[policy]), stamp_ns, fields)

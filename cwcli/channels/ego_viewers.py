@@ -16,7 +16,7 @@ COVARIANCE_TYPE_KNOWN = 3
 """The value of `foxglove.LocationFix.PositionCovarianceType.KNOWN`."""
 FIX_AND_POSE_RATE_HZ, TRANSFORM_RATE_HZ = 5.0, 10.0
 """Highest rates of fixes and poses, and of transforms; chosen for smooth drawing and small logs."""
-VARIANCE_BINARY_DIGITS = 8
+FIX_VARIANCE_BINARY_DIGITS = 8
 """Binary digits of the variances of a fix; chosen: viewers only draw an ellipse."""
 ORIENTATION_FRACTION_BITS = 20
 """Number of binary digits after the point of the components of the orientation quaternion. Chosen by hand."""
@@ -43,7 +43,7 @@ def make_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tupl
     states, state, n = states.select_rows(shown), state[shown], len(shown)
     position_covariance = np.zeros((n, 9))
     position_covariance[:, [0, 1, 4]] = round_plane_covariance(
-        np.stack([states.covariance[:, a, b] for a, b in ((0, 0), (0, 1), (1, 1))], axis=1), VARIANCE_BINARY_DIGITS
+        np.stack([states.covariance[:, a, b] for a, b in ((0, 0), (0, 1), (1, 1))], axis=1), FIX_VARIANCE_BINARY_DIGITS
     )
     position_covariance[:, 3] = position_covariance[:, 1]
     fix: dict[str, Field] = {

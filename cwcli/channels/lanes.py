@@ -40,7 +40,7 @@ from cwcli.vision.overlay import (
     label_position_px,
 )
 
-SIDES = ("left", "right")
+BOUNDARY_SIDES = ("left", "right")
 """Names of the two boundaries, in the order of all arrays."""
 PARABOLA_FIELDS = ("a", "b", "c")
 """Fields of a boundary as a parabola in the searched image."""
@@ -54,19 +54,19 @@ IMAGE_ROAD_FIELDS = ("far_px", "near", "bend_px2", "spiral_px3")
 """Fields of a boundary in the image, h rows below the horizon: x = far + near h + bend / h + spiral / h^2 (px)."""
 PINHOLE_FIELDS = ("road_centre_px", "road_focal_px")
 """Fields of the pinhole camera that projects the road: image column of its axis and focal length, both px."""
-PREVIEW_FIELDS = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
+PREVIEW_POINT_FIELDS = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
 """Fields of the lane at the preview point."""
 PREVIEW_SIGMA_FIELDS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
 """Fields of the standard errors of the lane at the preview point."""
 FIELDS_FOR_ROAD_BOUNDARIES = (
     *("stamp_ns", "state", "steady_s", "curvature_change_1pm2"),
-    *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE_FIELDS)),
+    *(f"{side}.{name}" for side in BOUNDARY_SIDES for name in ("found", *ROAD_LINE_FIELDS)),
 )
 """Fields from which the boundaries on the road are computed."""
 FIELDS_FOR_OBSERVER = (
-    *("stamp_ns", "state", *PREVIEW_FIELDS, *PREVIEW_SIGMA_FIELDS, "preview_distance_m", "camera_yaw_sigma_rad"),
+    *("stamp_ns", "state", *PREVIEW_POINT_FIELDS, *PREVIEW_SIGMA_FIELDS, "preview_distance_m", "camera_yaw_sigma_rad"),
     *("curvature_change_1pm2", *PINHOLE_FIELDS),
-    *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE_FIELDS, *IMAGE_ROAD_FIELDS)),
+    *(f"{side}.{name}" for side in BOUNDARY_SIDES for name in ("found", *ROAD_LINE_FIELDS, *IMAGE_ROAD_FIELDS)),
 )
 """Fields that the observer reads: those of the preview point and of the boundaries' shape."""
 
@@ -114,7 +114,7 @@ def make_lanes_channel(frames: LaneFrames) -> OutputChannel:
     """Make the channel of `cwcli.v1.Lanes`, one message a frame."""
     geometry, fits, n = frames.geometry, frames.fits, len(frames)
     fields: dict[str, Field] = {"stamp_ns": frames.stamp_ns}
-    for k, (side, road) in enumerate(zip(SIDES, (geometry.left_body, geometry.right_body), strict=True)):
+    for k, (side, road) in enumerate(zip(BOUNDARY_SIDES, (geometry.left_body, geometry.right_body), strict=True)):
         fields |= {f"{side}.{name}": fits.parabolas[:, k, i] for i, name in enumerate(PARABOLA_FIELDS)}
         fields |= {f"{side}.{name}": road[:, i] for i, name in enumerate(ROAD_LINE_FIELDS)}
         fields |= {f"{side}.{name}": frames.roads[:, k, i] for i, name in enumerate(IMAGE_ROAD_FIELDS)}
@@ -248,7 +248,7 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
         return np.stack([read_integers(columns, f"{what}_{side}_px")[0] for side in ("width", "height")], axis=-1)
 
     def stack_fields_of_sides(names: Sequence[str]) -> FloatArray:
-        return np.stack([stack_fields(*(f"{side}.{name}" for name in names)) for side in SIDES], axis=1)
+        return np.stack([stack_fields(*(f"{side}.{name}" for name in names)) for side in BOUNDARY_SIDES], axis=1)
 
     found = stack_fields_of_sides(["found"])[..., 0] > 0.0
     state = read_integers(columns, "state")[0]
@@ -265,7 +265,7 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
         ),
         road=stack_fields_of_sides(ROAD_LINE_FIELDS),
         curvature_change_1pm2=_replace_nan_and_infinity_by_zero(read_numbers(columns, "curvature_change_1pm2")),
-        preview=stack_fields(*PREVIEW_FIELDS),
+        preview=stack_fields(*PREVIEW_POINT_FIELDS),
         preview_sigma=stack_fields(*PREVIEW_SIGMA_FIELDS),
         preview_m=stack_fields("preview_distance_m")[:, 0],
         lane_width_m=read_numbers(columns, "lane_width_m"),

@@ -6,18 +6,24 @@ import numpy as np
 
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import OBSERVER
-from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, STATE_NAMES, FrameStatus, LateralTrack, count_frame_statuses
+from cwcli.dynamics.samples import (
+    DEFAULT_PREVIEW_POINT_DISTANCE_M,
+    STATE_NAMES,
+    FrameStatus,
+    LateralTrack,
+    count_frame_statuses,
+)
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, unusable_field_error
 from cwcli.signals.resample import resample
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
 
-N_STATES = len(STATE_NAMES)
+N_LATERAL_STATES = len(STATE_NAMES)
 """Number of states of the lateral observer."""
 LANE_AHEAD_FIELDS = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
 """Fields of the true lane at several distances ahead."""
-TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *LANE_AHEAD_FIELDS)
+LATERAL_TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *LANE_AHEAD_FIELDS)
 """Fields that are read from a channel of the lateral truth."""
 PREVIEW_MATCH_TOLERANCE_M = 1e-6
 """Greatest difference of two preview distances that count as equal, m. Chosen: rounding errors only."""
@@ -51,7 +57,7 @@ def make_observer_channel(observed: ObservedDrive) -> OutputChannel:
         "speed_mps": track.speed_mps,
         "curvature_1pm": track.curvature_1pm,
         "status": track.status.astype(np.int32) + PUBLISHED_STATUS_MINUS_FRAME_STATUS,
-        "covariance": track.covariance.reshape(n, N_STATES**2),
+        "covariance": track.covariance.reshape(n, N_LATERAL_STATES**2),
         "mass_kg": track.mass_kg,
         "mass_sigma_kg": track.mass_sigma_kg,
         "preview_distance_m": track.preview_m,
@@ -80,8 +86,10 @@ def read_observed_drive(columns: Columns) -> ObservedDrive:
     track = LateralTrack(
         stamp_ns=stamp_ns[order],
         state=np.column_stack([column(name) for name in STATE_NAMES]),
-        preview_m=np.where(np.isfinite(preview_m) & (preview_m > 0.0), preview_m, DEFAULT_PREVIEW_M),
-        covariance=read_matrix(columns, "covariance", N_STATES**2).reshape(n, N_STATES, N_STATES)[order],
+        preview_m=np.where(np.isfinite(preview_m) & (preview_m > 0.0), preview_m, DEFAULT_PREVIEW_POINT_DISTANCE_M),
+        covariance=read_matrix(columns, "covariance", N_LATERAL_STATES**2).reshape(
+            n, N_LATERAL_STATES, N_LATERAL_STATES
+        )[order],
         speed_mps=column("speed_mps"),
         steer_rad=column("steer_rad"),
         curvature_1pm=column("curvature_1pm"),
@@ -97,7 +105,7 @@ def read_lateral_truth_stamps_and_states(columns: Columns) -> tuple[Int64Array, 
     """Read stamps (n,), increasing, and states (n, 4) from a channel of the truth; unknown values are NaN.
 
     Args:
-        columns: The channel; its fields `TRUTH_FIELDS` are enough.
+        columns: The channel; its fields `LATERAL_TRUTH_FIELDS` are enough.
     """
     stamp_ns, _ = read_integers(columns, "stamp_ns")
     rows = rows_by_stamp_without_repeats(stamp_ns)
@@ -120,7 +128,7 @@ def true_lateral_and_heading_deviations_at_preview(
     rows = rows_by_stamp_without_repeats(stamp_ns)
     told_m = read_numbers(columns, "preview_distance_m")
     known_m = told_m[told_m > 0.0]
-    own_m = float(known_m[0]) if len(known_m) else DEFAULT_PREVIEW_M
+    own_m = float(known_m[0]) if len(known_m) else DEFAULT_PREVIEW_POINT_DISTANCE_M
     is_own = np.abs(preview_m - own_m) <= PREVIEW_MATCH_TOLERANCE_M
     deviations = np.full((len(at_ns), len(LANE_AHEAD_FIELDS)), np.nan)
     ahead_m = read_matrix(columns, "ahead_m")

@@ -10,7 +10,7 @@ from cwcli.signals.columns import Columns, Field, Int64Array, Strings, absent_st
 from cwcli.signals.leaf_fields import numbers_of_row, read_numbers
 from cwcli.vision.camera import Camera, Mounting, pad_distortion_coefficients
 
-LENS_FIELD = "rectified_from"
+UNRECTIFIED_CAMERA_FIELD = "rectified_from"
 """Field of the message that holds the camera before rectification."""
 INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 """Names of the intrinsic parameters, px."""
@@ -29,13 +29,16 @@ def lens_message_fields(camera_of: Callable[[int, int], Camera], image_size: Int
     cameras = [camera_of(*size) for size in sizes.tolist()]
     at = of_size.reshape(-1)
     fields: dict[str, Field] = {
-        f"{LENS_FIELD}.{name}": np.array([getattr(camera, name) for camera in cameras])[at] for name in INTRINSIC_NAMES
+        f"{UNRECTIFIED_CAMERA_FIELD}.{name}": np.array([getattr(camera, name) for camera in cameras])[at]
+        for name in INTRINSIC_NAMES
     }
     model = cameras[0].distortion_model
     return fields | {
-        f"{LENS_FIELD}.distortion_model": Strings(np.full(len(at), 0 if model else -1, np.int32), (model,)),
-        f"{LENS_FIELD}.distortion": np.tile(np.array(cameras[0].distortion, np.float64), (len(at), 1)),
-        f"{LENS_FIELD}.roll_rad": np.array([camera.mounting.roll_rad for camera in cameras])[at],
+        f"{UNRECTIFIED_CAMERA_FIELD}.distortion_model": Strings(
+            np.full(len(at), 0 if model else -1, np.int32), (model,)
+        ),
+        f"{UNRECTIFIED_CAMERA_FIELD}.distortion": np.tile(np.array(cameras[0].distortion, np.float64), (len(at), 1)),
+        f"{UNRECTIFIED_CAMERA_FIELD}.roll_rad": np.array([camera.mounting.roll_rad for camera in cameras])[at],
     }
 
 
@@ -48,11 +51,13 @@ class Lenses:
 
     def __init__(self, columns: Columns) -> None:
         n = len(columns)
-        self._intrinsics = np.stack([read_numbers(columns, f"{LENS_FIELD}.{name}") for name in INTRINSIC_NAMES], axis=1)
-        self._roll_rad = read_numbers(columns, f"{LENS_FIELD}.roll_rad")
-        model = columns.fields.get(f"{LENS_FIELD}.distortion_model")
+        self._intrinsics = np.stack(
+            [read_numbers(columns, f"{UNRECTIFIED_CAMERA_FIELD}.{name}") for name in INTRINSIC_NAMES], axis=1
+        )
+        self._roll_rad = read_numbers(columns, f"{UNRECTIFIED_CAMERA_FIELD}.roll_rad")
+        model = columns.fields.get(f"{UNRECTIFIED_CAMERA_FIELD}.distortion_model")
         self._model = model if isinstance(model, Strings) else absent_strings(n)
-        self._distortion = columns.fields.get(f"{LENS_FIELD}.distortion")
+        self._distortion = columns.fields.get(f"{UNRECTIFIED_CAMERA_FIELD}.distortion")
         self._size = np.stack([read_numbers(columns, f"image_{side}_px") for side in ("width", "height")], axis=1)
         self._made: dict[_Key, Camera] = {}
 

@@ -17,7 +17,7 @@ MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution per median absolute deviation: 1 / 0.6745, its upper quartile."""
 GNSS_EPOCH_NS = 10 * NS_PER_MS
 """Interval of GNSS epochs, ns: common receivers measure at multiples of 10 ms from the whole second."""
-MAX_EPOCH_PHASE_NS = 2 * NS_PER_MS
+MAX_STAMP_OFFSET_FROM_GNSS_EPOCH_NS = 2 * NS_PER_MS
 """Greatest difference, ns, of the stamps of 95 % of the positions from whole epochs. Chosen by hand."""
 
 
@@ -43,7 +43,7 @@ def estimate_recorder_clock(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Re
     ahead_ns = int(median_of_values(late_ns))
     sigma_ns = int(MAD_TO_SIGMA * median_of_values(np.abs(late_ns - ahead_ns)))
     phase_ns = (stamp_ns + GNSS_EPOCH_NS // 2) % GNSS_EPOCH_NS - GNSS_EPOCH_NS // 2
-    is_on_epochs = bool(np.percentile(np.abs(phase_ns), 95) <= MAX_EPOCH_PHASE_NS)
+    is_on_epochs = bool(np.percentile(np.abs(phase_ns), 95) <= MAX_STAMP_OFFSET_FROM_GNSS_EPOCH_NS)
     return RecorderClock(ahead_ns, sigma_ns, len(stamp_ns), is_on_epochs)
 
 

@@ -33,9 +33,9 @@ from cwcli.vision.path_overlay import (
     project_path_into_image,
 )
 
-PATH_LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
+OPACITY_BY_PATH_LINE = {"centre": 1.0, "left": 0.6, "right": 0.6}
 """Line of the path -> its opacity, 0 to 1; chosen by eye."""
-TRANSPARENT_COLOUR = (0.0, 0.0, 0.0, 0.0)
+TRANSPARENT_RGBA = (0.0, 0.0, 0.0, 0.0)
 """A fully transparent colour: red, green, blue and alpha, 0 to 1 each."""
 
 
@@ -162,9 +162,9 @@ def _path_shapes(frames: PathFrames, row: int) -> list[ImageShape]:
     shapes: list[ImageShape] = []
     if len(band) > 2:
         shapes.append(ImageShape(LINE_LOOP, band, (*PATH_RGB, 0.0), (*PATH_RGB, BAND_OPACITY), 1.0))
-    for name, alpha in PATH_LINE_ALPHA.items():
+    for name, alpha in OPACITY_BY_PATH_LINE.items():
         points = lines.line_points_in_image(name)
         if len(points) > 1:
             thickness = thin if name == "centre" else thin / 2
-            shapes.append(ImageShape(LINE_STRIP, points, (*PATH_RGB, alpha), TRANSPARENT_COLOUR, thickness))
+            shapes.append(ImageShape(LINE_STRIP, points, (*PATH_RGB, alpha), TRANSPARENT_RGBA, thickness))
     return shapes

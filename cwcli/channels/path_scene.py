@@ -32,13 +32,13 @@ POINTS_PER_DRAWN_PATH = 11
 """Points of a drawn path; chosen by eye."""
 EMPTY_TIMES_NS = np.zeros(0, np.int64)
 """An empty array of times, for concatenation."""
-LINE_LIFETIME_NS = 500_000_000
+DRAWN_PATH_LIFETIME_NS = 500_000_000
 """Time for which a viewer shows a path that is not replaced, ns; chosen by hand."""
-LINE_THICKNESS_M = 0.3
+DRAWN_PATH_WIDTH_M = 0.3
 """Width of a drawn path, m; chosen by eye."""
-EGO_COLOR = (0.15, 0.5, 1.0, 0.9)
+EGO_PATH_RGBA = (0.15, 0.5, 1.0, 0.9)
 """Colour of the ego's paths: red, green, blue, alpha, 0 to 1 each; chosen by eye."""
-OTHER_COLOR = (1.0, 0.55, 0.0, 0.9)
+OTHER_VEHICLE_PATH_RGBA = (1.0, 0.55, 0.0, 0.9)
 """Colour of the paths of other vehicles: red, green, blue, alpha, 0 to 1 each; chosen by eye."""
 
 
@@ -100,11 +100,11 @@ def _scene_entity_fields_of_lines(
     n = len(stamp_ns)
     one_each = np.arange(n + 1, dtype=np.int64)
     is_ego = np.array([name == EGO_ID for name in names], np.bool_)
-    color = np.where(is_ego[:, None], EGO_COLOR, OTHER_COLOR)
+    color = np.where(is_ego[:, None], EGO_PATH_RGBA, OTHER_VEHICLE_PATH_RGBA)
     flat = points.reshape(-1, 2)
     line: dict[str, OutputField] = {
         "pose.orientation.w": np.ones(n),
-        "thickness": np.full(n, LINE_THICKNESS_M),
+        "thickness": np.full(n, DRAWN_PATH_WIDTH_M),
         "points": Repeated(
             one_each * POINTS_PER_DRAWN_PATH, {"x": flat[:, 0], "y": flat[:, 1], "z": np.zeros(len(flat), np.float64)}
         ),
@@ -114,7 +114,7 @@ def _scene_entity_fields_of_lines(
         "timestamp": stamp_ns,
         "frame_id": repeat_string(MAP_FRAME, n),
         "id": encode_strings(names),
-        "lifetime": np.full(n, LINE_LIFETIME_NS, np.int64),
+        "lifetime": np.full(n, DRAWN_PATH_LIFETIME_NS, np.int64),
         "lines": Repeated(one_each, line),
     }
     return {"entities": Repeated(one_each, entity)}

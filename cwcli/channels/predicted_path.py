@@ -31,9 +31,9 @@ from cwcli.signals.row_order import Rows
 
 LENGTH_FRACTION_BITS, ANGLE_FRACTION_BITS, VARIANCE_BINARY_DIGITS = 7, 12, 6
 """Positions and speeds are multiples of 2^-7 m (m/s), headings of 2^-12 rad; variances have 6 binary digits."""
-MAX_POINT_INTERVAL_S = 0.25
+MAX_PATH_POINT_INTERVAL_S = 0.25
 """Longest time between published points, s; chosen: a car that brakes with 3 m/s^2 deviates 2 cm from the chord."""
-MAX_STEP_DIFFERENCE_S = 1e-6
+MAX_PATH_STEP_DIFFERENCE_S = 1e-6
 """Largest difference of the steps of one channel's paths, s; chosen: rounding errors only."""
 
 
@@ -168,7 +168,9 @@ def make_lazy_path_channel(channel: Channel, planned: LazyPaths, *, rate_hz: flo
 def _published_point_indices(time_s: FloatArray) -> Rows:
     """Indices of every k-th point, as far apart as published points may be, with the last."""
     last = len(time_s) - 1
-    every = max((k for k in range(1, last + 1) if last % k == 0 and time_s[k] < MAX_POINT_INTERVAL_S + 1e-9), default=1)
+    every = max(
+        (k for k in range(1, last + 1) if last % k == 0 and time_s[k] < MAX_PATH_POINT_INTERVAL_S + 1e-9), default=1
+    )
     return np.arange(0, last + 1, every)
 
 
@@ -210,7 +212,7 @@ def read_predicted_paths(columns: Columns) -> PredictedPaths:
     k = x_m.shape[1]
     step_s = read_numbers(columns, "step_s", required=True)
     models = read_texts(columns, "model")
-    if n and np.ptp(step_s) > MAX_STEP_DIFFERENCE_S:
+    if n and np.ptp(step_s) > MAX_PATH_STEP_DIFFERENCE_S:
         raise DataError("the predicted paths of one channel differ in their step", where=columns.topic)
     paths = Paths(
         time_s=np.arange(k, dtype=np.float64) * (float(step_s[0]) if n else 0.0),

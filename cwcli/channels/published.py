@@ -16,7 +16,7 @@ class Channel(NamedTuple):
     """A published channel.
 
     Attributes:
-        topic: Its name; `<policy>` stands for each of `cwcli.control.encounter.POLICIES`.
+        topic: Its name; `<policy>` stands for each of `cwcli.control.encounter.BRAKING_POLICY_NAMES`.
         schema: Full name of the protobuf message.
         stage: The command that writes it.
         what: What it holds, in a few words.
@@ -131,10 +131,10 @@ ONLINE_CHANNEL_OF_ROLE = {EGO_STATE.role: EGO_ONLINE, REMOTE_STATE.role: REMOTE_
 
 def schema_name_by_published_topic() -> dict[str, str]:
     """Topic -> schema of every channel, with the policies' names filled in."""
-    from cwcli.control.encounter import POLICIES
+    from cwcli.control.encounter import BRAKING_POLICY_NAMES
 
     return {
         channel.with_policy_in_topic(policy).topic: channel.schema
         for channel in PUBLISHED_CHANNELS
-        for policy in (POLICIES if POLICY_PLACEHOLDER in channel.topic else ("",))
+        for policy in (BRAKING_POLICY_NAMES if POLICY_PLACEHOLDER in channel.topic else ("",))
     }

@@ -16,7 +16,7 @@ from cwcli.text import format_count
 if TYPE_CHECKING:
     from cwcli.logs.codecs.ros2msg import MessageField
 
-OTHER_USES_OF_SCHEMAS = {
+USE_BY_ROLELESS_SCHEMA = {
     "tf2_msgs/TFMessage": "transforms: give the mounting of sensors",
     "foxglove.FrameTransform": "transforms: give the mounting of sensors",
     "foxglove.FrameTransforms": "transforms: give the mounting of sensors",
@@ -29,7 +29,9 @@ AMBIGUOUS_TYPES = frozenset(
 """Types that fill a role only where the user names them, because they may hold anything."""
 UNKNOWN_TYPE_TEXT = "no role takes this type"
 """Reason given for a type that no role takes."""
-READABLE_REASONS = frozenset({UNKNOWN_TYPE_TEXT, OTHER_USES_OF_SCHEMAS["diagnostic_msgs/DiagnosticArray"]})
+REASONS_COMPLETED_BY_FIRST_MESSAGES = frozenset(
+    {UNKNOWN_TYPE_TEXT, USE_BY_ROLELESS_SCHEMA["diagnostic_msgs/DiagnosticArray"]}
+)
 """Reasons that the first messages of a channel may complete: by their fields, or by what they warn of."""
 MAX_FIELDS_SEARCHED_FOR_NUMBERS = 2000
 """Greatest number of fields of a message that are searched for numbers. Chosen by hand."""
@@ -41,9 +43,9 @@ _WARNING_WORDS = frozenset(
     {"fcw", "aeb", "warning", "warnings", "warn", "alert", "alerts", "alarm", "collision", "icw", "eebl", "ldw"}
 )
 """Words of topics and fields that tell of another system's warnings."""
-_RAISED_WORDS = frozenset({"active", "raised", "triggered", "on", "data", "state"})
+_WARNING_RAISED_WORDS = frozenset({"active", "raised", "triggered", "on", "data", "state"})
 """Words of truth values that say whether a warning is on."""
-_LEVEL_WORDS = frozenset({"level", "severity", "state", "status", "data", "warning", "alert", "stage"})
+_WARNING_LEVEL_WORDS = frozenset({"level", "severity", "state", "status", "data", "warning", "alert", "stage"})
 """Words of numbers that grow with the urgency of a warning, and are 0 without one."""
 FieldKind = Literal["number", "truth value", "text"]
 """The kinds of values that a field of a message can hold."""
@@ -158,8 +160,8 @@ def _explain_unknown_type(channel: ChannelWithDefinition, name: str) -> UnboundR
         return UnboundReason(
             "CAN frames need a DBC file", (f"--map ego_speed={channel.topic}:MESSAGE.SIGNAL --dbc FILE",)
         )
-    if name in OTHER_USES_OF_SCHEMAS:
-        return UnboundReason(OTHER_USES_OF_SCHEMAS[name])
+    if name in USE_BY_ROLELESS_SCHEMA:
+        return UnboundReason(USE_BY_ROLELESS_SCHEMA[name])
     return explain_unknown_type_by_fields(channel.topic, dict(iter_field_kinds(channel)))
 
 
@@ -187,8 +189,8 @@ def suggest_system_warning_commands(topic: str, kinds: Mapping[str, FieldKind]) 
         if "stamp" in path or not (is_warning_topic or words & _WARNING_WORDS):
             continue
         if kind == "truth value":
-            found.append((0 if words & (_WARNING_WORDS | _RAISED_WORDS) else 2, f"{path}==true"))
-        elif kind == "number" and words & _LEVEL_WORDS:
+            found.append((0 if words & (_WARNING_WORDS | _WARNING_RAISED_WORDS) else 2, f"{path}==true"))
+        elif kind == "number" and words & _WARNING_LEVEL_WORDS:
             found.append((1, f"{path}>=1"))
     best = [condition for _, condition in sorted(found, key=lambda each: each[0])][:1]
     return tuple(line for condition in best for line in format_system_warning_command_if_readable(topic, condition))

@@ -25,7 +25,7 @@ from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, 
 from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.vehicle_state import ACCEL, BODY_FRAME, MAP_FRAME, N_STATES, YAW_RATE
 from cwcli.tracking.convert import (
-    MIN_HEADING_SPEED_MPS,
+    MIN_SPEED_OF_TARGET_HEADING_MPS,
     target_rows_of_result,
     vehicle_states_and_covariances_of_target,
 )
@@ -33,14 +33,14 @@ from cwcli.tracking.tracker import TargetTrack, TrackResult
 
 TARGET_LIFETIME_NS = 1_000_000_000
 """Time for which a viewer shows a target that is not updated, ns; chosen by hand."""
-BALL_DIAMETER_M = 1.5
+TARGET_BALL_DIAMETER_M = 1.5
 """Diameter of the ball that marks a target, m; chosen by eye."""
 TARGET_ID_LETTER_HEIGHT_M = 1.0
 """Height of the letters of a target's id, m; chosen by eye."""
-BALL_COLOR = (1.0, 0.55, 0.0, 0.8)
+TARGET_BALL_RGBA = (1.0, 0.55, 0.0, 0.8)
 """Orange, the colour in which a viewer shows targets' balls and arrows: red, green, blue and opacity, each 0 to 1.
 Chosen by eye."""
-TARGET_ID_TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
+TARGET_ID_TEXT_RGBA = (1.0, 1.0, 1.0, 1.0)
 """White, the colour in which a viewer shows targets' ids: red, green, blue and opacity, each 0 to 1. Chosen by eye."""
 
 
@@ -107,7 +107,7 @@ def _accelerations_yaw_rates_and_sigmas_of_track(track: TargetTrack, names: tupl
     elif "ax_mps2" in names:
         a, b = names.index("ax_mps2"), names.index("ay_mps2")
         speed = np.hypot(track.state[:, 2], track.state[:, 3])
-        size = np.maximum(speed, MIN_HEADING_SPEED_MPS)
+        size = np.maximum(speed, MIN_SPEED_OF_TARGET_HEADING_MPS)
         along = track.state[:, 2:4] / size[:, None]
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
         accel, noise = track.state[:, [a, b]], track.covariance[:, [[a], [b]], [a, b]]
@@ -140,12 +140,12 @@ def _target_scene_channel(
     def color_fields(values: tuple[float, ...]) -> dict[str, OutputField]:
         return {f"color.{part}": np.full(n, value) for part, value in zip("rgba", values, strict=True)}
 
-    size: dict[str, OutputField] = {f"size.{axis}": np.full(n, BALL_DIAMETER_M) for axis in "xyz"}
+    size: dict[str, OutputField] = {f"size.{axis}": np.full(n, TARGET_BALL_DIAMETER_M) for axis in "xyz"}
     arrow: dict[str, OutputField] = {
         "shaft_length": speed,
-        "shaft_diameter": np.full(n, 0.2 * BALL_DIAMETER_M),
-        "head_length": np.full(n, 0.4 * BALL_DIAMETER_M),
-        "head_diameter": np.full(n, 0.4 * BALL_DIAMETER_M),
+        "shaft_diameter": np.full(n, 0.2 * TARGET_BALL_DIAMETER_M),
+        "head_length": np.full(n, 0.4 * TARGET_BALL_DIAMETER_M),
+        "head_diameter": np.full(n, 0.4 * TARGET_BALL_DIAMETER_M),
     }
     text: dict[str, OutputField] = {
         "billboard": np.ones(n, np.bool_),
@@ -159,11 +159,13 @@ def _target_scene_channel(
         "id": ids,
         "lifetime": np.full(n, TARGET_LIFETIME_NS, np.int64),
         "spheres": Repeated(
-            one_each, {**pose_fields(0.5 * BALL_DIAMETER_M, still), **size, **color_fields(BALL_COLOR)}
+            one_each, {**pose_fields(0.5 * TARGET_BALL_DIAMETER_M, still), **size, **color_fields(TARGET_BALL_RGBA)}
         ),
-        "arrows": Repeated(one_each, {**pose_fields(0.5 * BALL_DIAMETER_M, half), **arrow, **color_fields(BALL_COLOR)}),
+        "arrows": Repeated(
+            one_each, {**pose_fields(0.5 * TARGET_BALL_DIAMETER_M, half), **arrow, **color_fields(TARGET_BALL_RGBA)}
+        ),
         "texts": Repeated(
-            one_each, {**pose_fields(2.0 * BALL_DIAMETER_M, still), **text, **color_fields(TARGET_ID_TEXT_COLOR)}
+            one_each, {**pose_fields(2.0 * TARGET_BALL_DIAMETER_M, still), **text, **color_fields(TARGET_ID_TEXT_RGBA)}
         ),
     }
     offsets = np.append(first, n).astype(np.int64)

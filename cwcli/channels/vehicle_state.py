@@ -41,13 +41,13 @@ FLAG_OF_FIELD: dict[str, StateFlag] = {str(flag.name).lower(): flag for flag in 
 
 STATE_FRACTION_BITS = (11, 11, 11, 16, 11, 16, 11, 16)
 """Each state is published as a multiple of 2 to the power of minus this, in its SI unit (docs/channels.md)."""
-DEGREE_FRACTION_BITS = 24
+LATITUDE_LONGITUDE_FRACTION_BITS = 24
 """Latitudes and longitudes are published as multiples of 2^-24 degrees (7 mm); chosen by hand."""
 N_CORRELATIONS = N_STATES * (N_STATES - 1) // 2
 """Number of correlations above the diagonal of a covariance of `N_STATES` states: 28."""
 COVARIANCE_FIELDS = ("covariance", "sigma", "correlation")
 """Fields that hold the covariance, in logs of older versions and of this one."""
-MAX_DRIVEN_GAP_S = 1.0
+MAX_STATE_GAP_OF_DRIVEN_DISTANCE_S = 1.0
 """Longest gap between states whose distance counts as driven, s. Chosen by hand; not fitted."""
 KINEMATIC_FIELDS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
 """Fields of the states without their covariances, which are most of a channel's bytes."""
@@ -150,8 +150,8 @@ def make_vehicle_state_channel(
         "stamp_ns": states.stamp_ns,
         "id": states.ids,
         **dict(zip(STATE_NAMES, state, strict=True)),
-        "latitude_deg": round_to_binary_step(latitude_deg, DEGREE_FRACTION_BITS),
-        "longitude_deg": round_to_binary_step(longitude_deg, DEGREE_FRACTION_BITS),
+        "latitude_deg": round_to_binary_step(latitude_deg, LATITUDE_LONGITUDE_FRACTION_BITS),
+        "longitude_deg": round_to_binary_step(longitude_deg, LATITUDE_LONGITUDE_FRACTION_BITS),
         "sigma": covariance.sigma,
         "correlation": covariance.correlation,
         "length_m": states.length_m,
@@ -240,6 +240,6 @@ def require_ego_states(states: VehicleStates, *, log_name: str, topic: str) -> N
 
 
 def driven_distance_m(states: VehicleStates) -> float:
-    """Return the distance (m) between states that are less than `MAX_DRIVEN_GAP_S` apart."""
+    """Return the distance (m) between states that are less than `MAX_STATE_GAP_OF_DRIVEN_DISTANCE_S` apart."""
     steps = np.hypot(*np.diff(states.state[:, :2], axis=0).T)
-    return float(steps[np.diff(states.stamp_ns) < MAX_DRIVEN_GAP_S * NS_PER_S].sum())
+    return float(steps[np.diff(states.stamp_ns) < MAX_STATE_GAP_OF_DRIVEN_DISTANCE_S * NS_PER_S].sum())

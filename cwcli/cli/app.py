@@ -22,7 +22,7 @@ from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_opti
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import use_typer_declarations
 from cwcli.cli.options.plain_coercion import use_plain_coercion
-from cwcli.cli.root_help import ABOUT, EPILOG, NO_PLUGINS_HELP
+from cwcli.cli.root_help import NO_PLUGINS_HELP, ROOT_HELP_EPILOG, ROOT_HELP_PARAGRAPH
 from cwcli.errors import UsageError
 from cwcli.input import remember_inputs
 from cwcli.text import shorten_and_escape
@@ -107,13 +107,13 @@ app = typer.Typer(
     cls=LazyGroup,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    help=ABOUT,
-    epilog=EPILOG,
+    help=ROOT_HELP_PARAGRAPH,
+    epilog=ROOT_HELP_EPILOG,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
-@app.callback(help=ABOUT)
+@app.callback(help=ROOT_HELP_PARAGRAPH)
 def root_command(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")

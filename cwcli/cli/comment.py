@@ -18,11 +18,11 @@ MAX_METRICS_LISTED_PER_LOG = 20
 """Greatest number of metrics that the table of one log lists. Chosen by hand."""
 MAX_LEFT_OUT_LOGS_NAMED = 10
 """Greatest number of left-out logs that the last sentence names. Chosen by hand."""
-MAX_NAME_CHARS = 200
+MAX_LOG_NAME_CHARS = 200
 """Longest log name, in characters, that is shown in full; chosen by hand."""
-SEPARATOR = "\n\n"
+PARAGRAPH_SEPARATOR = "\n\n"
 """The blank line between two paragraphs of the comment."""
-HEADINGS = ("metric", "unit", "value before", "value after", "change")
+LOG_CHANGES_HEADINGS = ("metric", "unit", "value before", "value after", "change")
 """Headings of the table of a log."""
 
 
@@ -39,17 +39,17 @@ def format_comment(summary: str, logs: Sequence[LogChange], n_pairs: int) -> str
         parts.append("The rest of this summary is left out; `cwcli compare --markdown` writes all of it.")
     n_same = n_pairs - sum(not log.error for log in logs)
     parts.append(f"#### {format_count(len(logs), 'log')} with changes, {n_same} without")
-    length = sum(len(part) + len(SEPARATOR) for part in parts)
+    length = sum(len(part) + len(PARAGRAPH_SEPARATOR) for part in parts)
     for k, log in enumerate(logs):
         section = format_changes_of_log(log)
         rest = _left_out_sentence(logs[k + 1 :])  # if this section is taken, this must fit behind it
-        needed = len(section) + len(SEPARATOR) + len(rest) + len(SEPARATOR)
+        needed = len(section) + len(PARAGRAPH_SEPARATOR) + len(rest) + len(PARAGRAPH_SEPARATOR)
         if length + needed > MAX_COMMENT_CHARS:
             parts.append(_left_out_sentence(logs[k:]))
             break
         parts.append(section)
-        length += len(section) + len(SEPARATOR)
-    return SEPARATOR.join(parts) + "\n"
+        length += len(section) + len(PARAGRAPH_SEPARATOR)
+    return PARAGRAPH_SEPARATOR.join(parts) + "\n"
 
 
 def format_changes_of_log(log: LogChange) -> str:
@@ -72,7 +72,7 @@ def format_changes_of_log(log: LogChange) -> str:
     counts_text = ", ".join(
         f"{directions[word]} {word}" for word in ("worse", "gone", "better", "new") if directions[word]
     )
-    parts = [f"**{name}**: {counts_text}", markdown.format_markdown_table(HEADINGS, rows)]
+    parts = [f"**{name}**: {counts_text}", markdown.format_markdown_table(LOG_CHANGES_HEADINGS, rows)]
     if more > 0:
         parts.append(f"and {format_count(more, 'more metric')}")
     return "\n\n".join(parts)
@@ -106,4 +106,4 @@ def _cut_at_paragraph_and_tell_if_cut(text: str, limit: int) -> tuple[str, bool]
 
 def _shorten_name(text: str) -> str:
     """Cut a long name."""
-    return text if len(text) <= MAX_NAME_CHARS else f"{text[:MAX_NAME_CHARS]}..."
+    return text if len(text) <= MAX_LOG_NAME_CHARS else f"{text[:MAX_LOG_NAME_CHARS]}..."

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Document = dict[str, Any]
 MAX_LOGS_NAMED_IN_NOTE = 5
 """Largest number of logs that a note names; chosen by hand."""
-TABLE_HEADINGS = (
+METRIC_CHANGES_HEADINGS = (
     "verdict",
     "metric",
     "value before",
@@ -41,7 +41,7 @@ TABLE_HEADINGS = (
 )
 """Headings of the table of metrics."""
 
-CHANGE_TEXT = {"new": "new", "other": "another verdict", "gone": "gone"}
+TEXT_BY_WARNING_CHANGE = {"new": "new", "other": "another verdict", "gone": "gone"}
 """Kind of change of a warning or conflict -> the word that the table shows."""
 
 
@@ -81,13 +81,17 @@ def print_comparison(console: Console, compared: ComparedRuns, *, everything: bo
         for change in _changes_with_verdict_or_all(comparison, everything=everything)
     ]
     console.print_summary(
-        format_table(*_drop_empty_columns(TABLE_HEADINGS, rows)) if rows else "  no metric is in both"
+        format_table(*_drop_empty_columns(METRIC_CHANGES_HEADINGS, rows)) if rows else "  no metric is in both"
     )
     if differing is not None:
         console.print_summary("")
         console.print_summary("Warnings and conflicts that differ")
         rows = [
-            (CHANGE_TEXT[each.change], escape_control_characters(each.words), escape_control_characters(each.address))
+            (
+                TEXT_BY_WARNING_CHANGE[each.change],
+                escape_control_characters(each.words),
+                escape_control_characters(each.address),
+            )
             for each in differing.listed
         ]
         console.print_summary(format_table(("change", "warning or conflict", "log"), rows) if rows else "  none")
@@ -246,7 +250,7 @@ def format_markdown_summary(compared: ComparedRuns) -> str:
         parts += [summary, _format_markdown_table_of_changes(rest), "</details>"]
     if differing is not None and differing.listed:
         lines = [
-            f"- {CHANGE_TEXT[each.change]}: "
+            f"- {TEXT_BY_WARNING_CHANGE[each.change]}: "
             + (
                 f"[{markdown.format_code(each.words)}]({each.address})"
                 if each.address
@@ -287,4 +291,4 @@ def _format_markdown_table_of_changes(changes: Sequence[MetricChange]) -> str:
         )
         for change in changes
     ]
-    return markdown.format_markdown_table(*_drop_empty_columns(TABLE_HEADINGS, rows))
+    return markdown.format_markdown_table(*_drop_empty_columns(METRIC_CHANGES_HEADINGS, rows))

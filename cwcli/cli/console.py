@@ -17,7 +17,7 @@ from cwcli.errors import CwcliError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.version import __version__
 
-FOUND_LINE_WIDTH = 100
+FOUND_LINE_WIDTH_CHARS = 100
 """Width of the lines behind `found:`, in characters; chosen wide, because paths and topics are long."""
 MAX_FOUND_ENTRIES = 200
 """Largest number of entries behind `found:`; chosen by hand."""
@@ -130,7 +130,7 @@ def _format_found_lines(entries: list[str]) -> list[str]:
     """Format the entries behind `found:`, as many on a line as fit."""
     lines = ["  found: " + entries[0]]
     for entry in entries[1:]:
-        if len(lines[-1]) + len(entry) + 3 <= FOUND_LINE_WIDTH:
+        if len(lines[-1]) + len(entry) + 3 <= FOUND_LINE_WIDTH_CHARS:
             lines[-1] += f", {entry}"
         else:
             lines[-1] += ","

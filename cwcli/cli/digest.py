@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING
 
 from cwcli.cli.console import Console
 from cwcli.cli.invocation import repeat_command_with
-from cwcli.cli.text import DEFAULT_WIDTH, format_byte_size, format_count, terminal_width
+from cwcli.cli.text import DEFAULT_OUTPUT_WIDTH_COLUMNS, format_byte_size, format_count, terminal_width
 
 if TYPE_CHECKING:
     from cwcli.digest.digest import Digest
     from cwcli.pipeline.execute import RunOutcome
 
-MAX_COMMAND_CHARACTERS = 73
+MAX_SUGGESTED_COMMAND_CHARACTERS = 73
 """Longest command that is suggested, in characters; a line without its label. Chosen by hand; not fitted."""
 MAX_NAMED_FILES = 3
 """Greatest number of written files that are named; chosen by hand."""
-MAX_NAME_WIDTH = 40
+MAX_LOG_NAME_WIDTH_CELLS = 40
 """Widest name of a log in the first line, in cells; chosen: the names of the stages go beside it."""
 MAX_TRIED_FILE_NAMES = 100
 """Greatest number of names that are tried for a suggested file; chosen by hand."""
-NEXT_STAGE = {"estimate": "predict", "predict": "warn", "lanes": "observe", "observe": "predict-lane"}
+SUGGESTED_STAGE_AFTER_STAGE = {"estimate": "predict", "predict": "warn", "lanes": "observe", "observe": "predict-lane"}
 """Stage -> the stage that is suggested after it."""
 
 
@@ -36,7 +36,7 @@ def print_digest(
         next_step: A command line, "" for none.
         with_details: The tables and notes follow.
     """
-    from cwcli.digest.lines import MAX_LINES, Block, format_blocks, trust_or_doubt_block
+    from cwcli.digest.lines import MAX_DIGEST_LINES, Block, format_blocks, trust_or_doubt_block
 
     n_notes = len(run.left_out) + sum(len(result.summary.notes) for result in run.results)
     notes = f" and {format_count(n_notes, 'note')}" if n_notes else ""
@@ -48,7 +48,9 @@ def print_digest(
         Block("next", tuple(filter(None, (next_step, "" if with_details else f"(--details: tables{notes})")))),
     )
     console.print_heading(_digest_title(command, run))
-    for line in format_blocks(blocks, width=terminal_width() or DEFAULT_WIDTH, max_lines=MAX_LINES - 1):
+    for line in format_blocks(
+        blocks, width=terminal_width() or DEFAULT_OUTPUT_WIDTH_COLUMNS, max_lines=MAX_DIGEST_LINES - 1
+    ):
         console.print_summary(line)
 
 
@@ -56,7 +58,7 @@ def _digest_title(command: str, run: RunOutcome) -> str:
     """Format `run drive.mcap: estimate, predict`."""
     from cwcli.digest.lines import shorten_path
 
-    title = f"{command} {shorten_path(run.name, MAX_NAME_WIDTH)}"
+    title = f"{command} {shorten_path(run.name, MAX_LOG_NAME_WIDTH_CELLS)}"
     stages = [result.stage for result in run.results]
     return title if stages == [command] else f"{title}: {', '.join(stages)}"
 
@@ -104,4 +106,4 @@ def append_number_if_file_exists(name: str) -> str:
 
 def _can_be_pasted(line: str) -> bool:
     """Tell whether a suggested command fits one line and holds no odd characters."""
-    return 0 < len(line) <= MAX_COMMAND_CHARACTERS and line.isprintable()
+    return 0 < len(line) <= MAX_SUGGESTED_COMMAND_CHARACTERS and line.isprintable()

@@ -12,16 +12,16 @@ from cwcli.cli.digest import suggest_next_step
 from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.progress import Progress
 from cwcli.cli.tables import Cell, format_table
-from cwcli.cli.text import DEFAULT_WIDTH, format_count, terminal_width
+from cwcli.cli.text import DEFAULT_OUTPUT_WIDTH_COLUMNS, format_count, terminal_width
 from cwcli.errors import CwcliError
 
 if TYPE_CHECKING:
     from cwcli.fleet.plan import FleetPlan, LogTask
     from cwcli.fleet.run import FleetResult
 
-STORE_NEXT_STEP = "copy the folder to this machine for cwcli report, evaluate and compare"
+REMOTE_STORE_RESULTS_HINT = "copy the folder to this machine for cwcli report, evaluate and compare"
 """Advice after a run into an object store, whose folders these commands do not read."""
-MAX_SHOWN_REASONS = 20
+MAX_PRINTED_ERRORS = 20
 """Largest number of errors that are printed; chosen by hand, the others are in the manifest."""
 
 
@@ -104,9 +104,9 @@ def print_fleet_digest(console: Console, fleet: FleetResult, directory: str) -> 
     folder = (display_name_of_url(directory) if is_remote else directory).rstrip("/")
     entries = fleet.manifest["logs"]
     logs = [LogLine.from_entry(entry, fleet.statuses[entry["id"]]) for entry in entries]
-    next_step = STORE_NEXT_STEP if is_remote else suggest_next_step("run", folder)
+    next_step = REMOTE_STORE_RESULTS_HINT if is_remote else suggest_next_step("run", folder)
     console.print_heading(f"run: {format_count(len(entries), 'log')}; see {folder}/manifest.json")
-    for line in format_fleet_lines(logs, next_step=next_step, width=terminal_width() or DEFAULT_WIDTH):
+    for line in format_fleet_lines(logs, next_step=next_step, width=terminal_width() or DEFAULT_OUTPUT_WIDTH_COLUMNS):
         console.print_summary(line)
 
 
@@ -147,9 +147,9 @@ def distinct_errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:
         place = where if where.startswith(source) else ": ".join(filter(None, (source, where)))
         others = f" (and {format_count(len(same) - 1, 'other log')})" if len(same) > 1 else ""
         errors_with_counts.append(CwcliError(f"{what}{others}", where=place, found=tuple(found), hint=hint))
-    if len(errors_with_counts) > MAX_SHOWN_REASONS:
-        rest = CwcliError(f"{len(errors_with_counts) - MAX_SHOWN_REASONS} more reasons are in the manifest")
-        errors_with_counts = [*errors_with_counts[:MAX_SHOWN_REASONS], rest]
+    if len(errors_with_counts) > MAX_PRINTED_ERRORS:
+        rest = CwcliError(f"{len(errors_with_counts) - MAX_PRINTED_ERRORS} more reasons are in the manifest")
+        errors_with_counts = [*errors_with_counts[:MAX_PRINTED_ERRORS], rest]
     return errors_with_counts
 
 

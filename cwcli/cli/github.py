@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
     from cwcli.metrics.gates import GateResult
 
-MAX_ANNOTATIONS = 10
+MAX_ANNOTATIONS_PER_KIND = 10
 """Greatest number of annotations of one kind that GitHub shows of a step; further ones are lost (GitHub's limits of
 annotations)."""
 MAX_LISTED_CHECKS = 20
@@ -60,7 +60,9 @@ def annotations_of_gates(run: RunMetrics, results: Sequence[GateResult]) -> list
     sources = {log.id: log.source for log in run.logs}
     failed = [result for result in results if result.failed_checks]
     commands = []
-    for result in failed[: MAX_ANNOTATIONS if len(failed) <= MAX_ANNOTATIONS else MAX_ANNOTATIONS - 1]:
+    for result in failed[
+        : MAX_ANNOTATIONS_PER_KIND if len(failed) <= MAX_ANNOTATIONS_PER_KIND else MAX_ANNOTATIONS_PER_KIND - 1
+    ]:
         checks = result.failed_checks
         lines = [f"{check.log}: {check.detail}" if check.log else check.detail for check in checks[:MAX_LISTED_CHECKS]]
         if len(checks) > MAX_LISTED_CHECKS:
@@ -80,7 +82,7 @@ def annotations_of_gates(run: RunMetrics, results: Sequence[GateResult]) -> list
 
 def annotations_of_changes(failed: Sequence[str]) -> list[str]:
     """Make workflow commands for the findings that `--fail-on` asks for; the last one holds those that are too many."""
-    listed_alone = failed if len(failed) <= MAX_ANNOTATIONS else failed[: MAX_ANNOTATIONS - 1]
+    listed_alone = failed if len(failed) <= MAX_ANNOTATIONS_PER_KIND else failed[: MAX_ANNOTATIONS_PER_KIND - 1]
     together = ["\n".join(failed[len(listed_alone) :])] if len(failed) > len(listed_alone) else []
     return [format_error_command(line, title="cwcli compare") for line in (*listed_alone, *together)]
 

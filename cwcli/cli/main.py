@@ -22,9 +22,9 @@ from cwcli.errors import (
     Terminated,
 )
 
-_NO_PLUGINS = "--no-plugins"
+_NO_PLUGINS_OPTION = "--no-plugins"
 """Option, in front of the command, that leaves out what other packages add."""
-OBJECTS_PER_CYCLE_SEARCH = 50_000
+NEW_OBJECTS_PER_GARBAGE_COLLECTION = 50_000
 """Number of new objects after which Python looks for cycles among them. Chosen by hand: with Python's own 700 the looks
 take a twentieth of a command, and cycles are few."""
 DISK_FULL_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -36,7 +36,7 @@ def main() -> NoReturn:
     signal.signal(signal.SIGTERM, _raise_terminated)
     # NumPy's matrix library otherwise starts a thread per core that spins for 0.1 s, for matrices as small as ours
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.set_threshold(OBJECTS_PER_CYCLE_SEARCH, *gc.get_threshold()[1:])
+    gc.set_threshold(NEW_OBJECTS_PER_GARBAGE_COLLECTION, *gc.get_threshold()[1:])
     try:
         code = run_command_line(sys.argv[1:])
     except KeyboardInterrupt:  # it came while the last lines were printed
@@ -52,7 +52,9 @@ def run_command_line(arguments: Sequence[str]) -> int:
     try:
         _make_streams_robust()
         code = (
-            _dispatch_without_plugins(list(arguments)) if _NO_PLUGINS in arguments[:1] else _dispatch(list(arguments))
+            _dispatch_without_plugins(list(arguments))
+            if _NO_PLUGINS_OPTION in arguments[:1]
+            else _dispatch(list(arguments))
         )
         _flush_stdout()
     except CwcliError as error:

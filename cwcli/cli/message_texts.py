@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 MAX_SHOWN_VALUE_CHARACTERS = 60
 """Longest value, in characters, that a sentence shows; chosen by hand."""
-MAX_LINES_PER_KIND = 10
+MAX_LISTED_ENTRIES_PER_KIND = 10
 """Settings, warnings and further channels of a log that are listed; chosen by hand."""
 MAX_LISTED_LOGS = 20
 """Logs that are listed; chosen by hand, the others are in --json."""
@@ -57,8 +57,8 @@ def describe_difference_of_log(found: LogDifference) -> list[str]:
 
 def _first_lines(lines: list[str]) -> list[str]:
     """The first lines, and how many more there are."""
-    rest = len(lines) - MAX_LINES_PER_KIND
-    return [*lines[:MAX_LINES_PER_KIND], *([f"and {rest} more (--json lists them)"] if rest > 0 else [])]
+    rest = len(lines) - MAX_LISTED_ENTRIES_PER_KIND
+    return [*lines[:MAX_LISTED_ENTRIES_PER_KIND], *([f"and {rest} more (--json lists them)"] if rest > 0 else [])]
 
 
 def _describe_setting(change: SettingChange) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.console import Console, replace_stdout_path_by_dash
-from cwcli.cli.digest import NEXT_STAGE, print_digest, suggest_next_step
+from cwcli.cli.digest import SUGGESTED_STAGE_AFTER_STAGE, print_digest, suggest_next_step
 from cwcli.cli.options.configfile import RunTalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions, source_names
 from cwcli.cli.progress import Progress
@@ -129,7 +129,7 @@ def _following_stage_or_empty(command: str, annotated: Log) -> str:
     from cwcli.pipeline.call import Selection
     from cwcli.pipeline.missing import SignalCheck
 
-    following = NEXT_STAGE.get(command, "")
+    following = SUGGESTED_STAGE_AFTER_STAGE.get(command, "")
     if not following:
         return ""
     try:

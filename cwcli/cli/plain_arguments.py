@@ -15,7 +15,7 @@ from cwcli.cli.commands import COMMANDS
 from cwcli.cli.options.configfile import find_config_file
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import declaration_of
-from cwcli.cli.options.plain_coercion import NOT_PLAIN, coerce_plain_value, is_infinite, is_within_bounds
+from cwcli.cli.options.plain_coercion import LEFT_TO_TYPER, coerce_plain_value, is_infinite, is_within_bounds
 
 
 def run_plain_command(arguments: Sequence[str]) -> int | None:
@@ -76,7 +76,7 @@ def parse_plain_arguments(function: Callable[..., Any], arguments: Sequence[str]
         name: _value_or_not_plain(parameter, texts.get(name, parameter.default))
         for name, parameter in parameters.items()
     }
-    return None if any(value is NOT_PLAIN for value in values.values()) else values
+    return None if any(value is LEFT_TO_TYPER for value in values.values()) else values
 
 
 def _split_options_and_words_or_none(
@@ -113,13 +113,13 @@ def _split_options_and_words_or_none(
 
 
 def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
-    """The value of a parameter; `NOT_PLAIN` where Typer has to find it, or to say what is wrong."""
+    """The value of a parameter; `LEFT_TO_TYPER` where Typer has to find it, or to say what is wrong."""
     declaration = declaration_of(parameter.annotation)
     kind = get_args(parameter.annotation)[0]
     if given is parameter.empty or declaration is None:
-        return NOT_PLAIN
+        return LEFT_TO_TYPER
     if given is not None and declaration.settings_or_empty_if_deferred.get("callback"):  # `--config` reads a file
-        return NOT_PLAIN
+        return LEFT_TO_TYPER
     if given is None:
         return () if list[str] in get_args(kind) else None  # as Typer has it
     if kind is bool and isinstance(given, bool):
@@ -129,6 +129,10 @@ def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
         kind = several[0]
     value = coerce_plain_value(kind, given)
     limits = declaration.settings_or_empty_if_deferred
-    if value is NOT_PLAIN or is_infinite(value) or not is_within_bounds(value, limits.get("min"), limits.get("max")):
-        return NOT_PLAIN
+    if (
+        value is LEFT_TO_TYPER
+        or is_infinite(value)
+        or not is_within_bounds(value, limits.get("min"), limits.get("max"))
+    ):
+        return LEFT_TO_TYPER
     return value

@@ -8,7 +8,7 @@ import threading
 import time
 from types import TracebackType
 
-from cwcli.cli.text import DEFAULT_WIDTH, escape_control_characters, terminal_cells_of_text
+from cwcli.cli.text import DEFAULT_OUTPUT_WIDTH_COLUMNS, escape_control_characters, terminal_cells_of_text
 from cwcli.url import redact_urls
 
 PROGRESS_DELAY_S = 1.0
@@ -71,7 +71,7 @@ class Progress:
             self._thread.join()
             self._thread = None
 
-    def format_line(self, elapsed_s: float, width: int = DEFAULT_WIDTH) -> str:
+    def format_line(self, elapsed_s: float, width: int = DEFAULT_OUTPUT_WIDTH_COLUMNS) -> str:
         """Format the line, narrower than the terminal, because a wrapped line can't be erased.
 
         The name of the step is cut first, the numbers only if they alone do not fit.
@@ -110,6 +110,6 @@ def _drop_text_beyond_width(text: str, width: int) -> str:
 def _stderr_width() -> int:
     """Current width of the terminal on standard error, in columns."""
     try:
-        return os.get_terminal_size(sys.stderr.fileno()).columns or DEFAULT_WIDTH
+        return os.get_terminal_size(sys.stderr.fileno()).columns or DEFAULT_OUTPUT_WIDTH_COLUMNS
     except (OSError, ValueError):
-        return DEFAULT_WIDTH
+        return DEFAULT_OUTPUT_WIDTH_COLUMNS

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from cwcli.cli.commands import COMMANDS
 from cwcli.errors import EXIT_CODES
 
-ABOUT = "From a recorded drive to states, predicted paths and collision warnings, on MCAP logs."
+ROOT_HELP_PARAGRAPH = "From a recorded drive to states, predicted paths and collision warnings, on MCAP logs."
 """The paragraph of `cwcli --help` below the usage line: what cwcli does."""
 EXIT_CODES_TEXT = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
 """All exit codes with their meanings."""
-EPILOG = f"""
+ROOT_HELP_EPILOG = f"""
 Exit codes: {EXIT_CODES_TEXT}.
 
 \b
@@ -22,7 +22,7 @@ Example:
 """Text at the end, as Typer takes it; the paragraph behind `\\b` is not wrapped."""
 NO_PLUGINS_HELP = "Leave out what installed packages of others add."
 """Help of the option that leaves out plug-ins."""
-OPTIONS = {
+HELP_BY_ROOT_OPTION = {
     "--version": "Print the version.",
     "--no-plugins": NO_PLUGINS_HELP,
     "--install-completion": "Install completion for the current shell.",
@@ -30,18 +30,18 @@ OPTIONS = {
     "-h, --help": "Show this message and exit.",
 }
 """The options of the whole command line, most of them Typer's."""
-MAX_HELP_WIDTH = 78
+MAX_HELP_WIDTH_COLUMNS = 78
 """Width of help in columns where the terminal is not narrower: Typer's 80 less a margin of 2."""
 
 
 def format_root_help() -> str | None:
     """The help, with a line feed at its end; None where a narrow terminal needs Typer's own."""
-    if _terminal_columns() < MAX_HELP_WIDTH + 2:
+    if _terminal_columns() < MAX_HELP_WIDTH_COLUMNS + 2:
         return None
-    lines = ["Usage: cwcli [OPTIONS] COMMAND [ARGS]...", "", *_wrap_with_indent(ABOUT, "  "), ""]
-    for heading, rows in {"Options": OPTIONS, "Commands": COMMANDS}.items():
+    lines = ["Usage: cwcli [OPTIONS] COMMAND [ARGS]...", "", *_wrap_with_indent(ROOT_HELP_PARAGRAPH, "  "), ""]
+    for heading, rows in {"Options": HELP_BY_ROOT_OPTION, "Commands": COMMANDS}.items():
         lines += [f"{heading}:", *_format_name_and_help_lines(rows), ""]
-    wrapped, _, verbatim = EPILOG.partition("\b\n")
+    wrapped, _, verbatim = ROOT_HELP_EPILOG.partition("\b\n")
     lines += [*_wrap_with_indent(wrapped.strip(), "  "), "", *(f"  {line}" for line in verbatim.rstrip().splitlines())]
     return "\n".join(lines) + "\n"
 
@@ -49,13 +49,13 @@ def format_root_help() -> str | None:
 def _terminal_columns() -> int:
     """Columns of the terminal as `shutil.get_terminal_size` finds them."""
     try:
-        return int(os.environ["COLUMNS"]) or MAX_HELP_WIDTH + 2
+        return int(os.environ["COLUMNS"]) or MAX_HELP_WIDTH_COLUMNS + 2
     except (KeyError, ValueError):
         pass
     try:
-        return os.get_terminal_size(1).columns or MAX_HELP_WIDTH + 2
+        return os.get_terminal_size(1).columns or MAX_HELP_WIDTH_COLUMNS + 2
     except (OSError, ValueError):
-        return MAX_HELP_WIDTH + 2
+        return MAX_HELP_WIDTH_COLUMNS + 2
 
 
 def _format_name_and_help_lines(rows: Mapping[str, str]) -> Sequence[str]:
@@ -72,7 +72,7 @@ def _wrap_with_indent(text: str, indent: str) -> list[str]:
     lines = [""]
     for word in text.split():
         line = f"{lines[-1]} {word}".lstrip()
-        if len(indent) + len(line) <= MAX_HELP_WIDTH:
+        if len(indent) + len(line) <= MAX_HELP_WIDTH_COLUMNS:
             lines[-1] = line
         else:
             lines.append(word)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from cwcli.cli.text import (
-    DEFAULT_WIDTH,
+    DEFAULT_OUTPUT_WIDTH_COLUMNS,
     escape_control_characters,
     format_number,
     pad_to_width,
@@ -20,7 +20,7 @@ Cell = str | float | int | None
 
 COLUMN_GAP = "  "
 """Space between two columns."""
-MIN_TEXT_WIDTH = 12
+MIN_TEXT_COLUMN_WIDTH_CELLS = 12
 """Least width of a column of text before the table is split, in cells; chosen by hand."""
 
 MAX_CELL_CHARS = 300
@@ -37,7 +37,7 @@ def format_table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, widt
     `grep` reads, a topic is never broken, even if its line becomes too long.
     """
     keeps_topics = width is None and terminal_width() is None
-    width = width or terminal_width() or DEFAULT_WIDTH
+    width = width or terminal_width() or DEFAULT_OUTPUT_WIDTH_COLUMNS
     heads = [escape_control_characters(column) for column in columns]
     cells = [[_cell_text(value) for value in row] for row in rows]
     right = [bool(cells) and all(_NUMBER_PATTERN.fullmatch(row[i]) for row in cells) for i in range(len(heads))]
@@ -72,7 +72,7 @@ def _narrowest_column_width(head: str, column: Sequence[str], right: bool) -> in
     """The least width of a column, in cells of the terminal."""
     widest_cell = max((terminal_cells_of_text(cell) for cell in column), default=0)
     longest_word = max((terminal_cells_of_text(word) for word in head.split()), default=0)
-    return max(longest_word, widest_cell if right else min(widest_cell, MIN_TEXT_WIDTH))
+    return max(longest_word, widest_cell if right else min(widest_cell, MIN_TEXT_COLUMN_WIDTH_CELLS))
 
 
 def _natural_column_width(head: str, column: Sequence[str]) -> int:

@@ -20,7 +20,7 @@ from cwcli.text import (
 )
 
 __all__ = [
-    "DEFAULT_WIDTH",
+    "DEFAULT_OUTPUT_WIDTH_COLUMNS",
     "escape_control_characters",
     "finite_or_none",
     "format_byte_size",
@@ -37,9 +37,9 @@ __all__ = [
     "wrap_text",
 ]
 
-DEFAULT_WIDTH = 80
+DEFAULT_OUTPUT_WIDTH_COLUMNS = 80
 """Width of the output in columns when it is no terminal."""
-MIN_OUTPUT_WIDTH = 20
+MIN_OUTPUT_WIDTH_COLUMNS = 20
 """Least width in columns that is used; chosen by hand."""
 
 
@@ -50,13 +50,13 @@ def terminal_width() -> int | None:
     try:
         columns = os.get_terminal_size(sys.stdout.fileno()).columns
     except (OSError, ValueError):
-        return DEFAULT_WIDTH
-    return max(columns or DEFAULT_WIDTH, MIN_OUTPUT_WIDTH)  # some terminals report 0
+        return DEFAULT_OUTPUT_WIDTH_COLUMNS
+    return max(columns or DEFAULT_OUTPUT_WIDTH_COLUMNS, MIN_OUTPUT_WIDTH_COLUMNS)  # some terminals report 0
 
 
 def wrap_paragraph(text: str, *, first: str = "", rest: str = "", width: int | None = None) -> str:
     """Wrap a text to `width` or the terminal, with `first` before its first line and `rest` before the others."""
-    width = width or terminal_width() or DEFAULT_WIDTH
+    width = width or terminal_width() or DEFAULT_OUTPUT_WIDTH_COLUMNS
     lines = wrap_text(text, width - max(len(first), len(rest)))
     return "\n".join((first if i == 0 else rest) + line for i, line in enumerate(lines))
 

@@ -22,7 +22,7 @@ from cwcli.conformance.results import Repetition
 from cwcli.conformance.verdict import Verdict
 from cwcli.errors import UsageError
 
-CODE_SUFFIXES = (".py", ".pyx", ".toml", ".csv", ".json")
+SOURCE_FILE_SUFFIXES = (".py", ".pyx", ".toml", ".csv", ".json")
 """File name endings of what results can depend on; compiled files come from the sources."""
 MAX_REPETITIONS_FILE_BYTES = 512 * 2**20
 """Largest file of repetitions that is read. Chosen by hand: a million repetitions."""
@@ -33,7 +33,7 @@ def code_and_numpy_hash() -> str:
     """Hash of the package's files and of NumPy's version."""
     folder = Path(cwcli.__file__).parent
     found = hashlib.sha256(np.__version__.encode())
-    for path in sorted(each for each in folder.rglob("*") if each.suffix in CODE_SUFFIXES):
+    for path in sorted(each for each in folder.rglob("*") if each.suffix in SOURCE_FILE_SUFFIXES):
         content = path.read_bytes()
         found.update(f"{path.relative_to(folder).as_posix()} {len(content)} ".encode() + content)
     return found.hexdigest()[:16]

@@ -30,7 +30,16 @@ SI_PER_UNIT = {
     "g": STANDARD_GRAVITY_MPS2,
 }
 """Unit of a number in a clause -> its size in SI units."""
-LARGEST_BY_UNIT = {"s": 60.0, "m": 500.0, "m/s": 70.0, "km/h": 252.0, "mph": 156.0, "m/s^2": 15.0, "g": 1.5, "": 1e6}
+LARGEST_NUMBER_BY_UNIT = {
+    "s": 60.0,
+    "m": 500.0,
+    "m/s": 70.0,
+    "km/h": 252.0,
+    "mph": 156.0,
+    "m/s^2": 15.0,
+    "g": 1.5,
+    "": 1e6,
+}
 """Unit -> the largest number that is possible in a trial with road vehicles. Chosen by hand: what the simulation can
 drive (`cwcli.simulation.spec`)."""
 BASIS_WORDS = {
@@ -40,7 +49,7 @@ BASIS_WORDS = {
 }
 """Basis of a number -> its words in the output: it was read in its source, it is commonly stated but was not checked
 there, or it is a choice of this project that the source leaves open."""
-TTC_DEFINITIONS = {
+MEANING_BY_TTC_DEFINITION = {
     "constant velocities": "gap over closing speed",
     "constant accelerations": "time until the gap is closed at the present accelerations",
     "": "does not apply",
@@ -76,7 +85,7 @@ class PublishedNumber:
         unit: A key of `SI_PER_UNIT`.
         source, page: Where it is printed; the page or section, "" where the notes have none.
         basis: A key of `BASIS_WORDS`.
-        ttc: A key of `TTC_DEFINITIONS`: how the source defines the time to collision that the number is.
+        ttc: A key of `MEANING_BY_TTC_DEFINITION`: how the source defines the time to collision that the number is.
     """
 
     name: str
@@ -130,8 +139,8 @@ class Clause:
         title, source: What it is, and where its numbers are published.
         reading: How its numbers are read where the source leaves a choice; "" if it leaves none.
         n_repetitions, n_required: Repetitions of each trial, and how many of them must pass.
-        grade: Default grade of noise, a key of `grades.GRADES`.
-        policy: Default braking policy, a key of `policies.POLICIES`.
+        grade: Default grade of noise, a key of `grades.SCENARIO_OVERRIDES_BY_GRADE`.
+        policy: Default braking policy, a key of `policies.PEDALS_BY_POLICY`.
         numbers: Of the trials, by name.
         tolerances: Within which a recorded trial is valid, by name.
         left_out: Trials of the standard that are not judged here, with the reason.
@@ -241,10 +250,10 @@ def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
 
 def _check_choices(document: Mapping[str, Any], where: str) -> None:
     """Refuse a grade or a policy that does not exist."""
-    from cwcli.conformance.grades import GRADES
-    from cwcli.conformance.policies import POLICIES
+    from cwcli.conformance.grades import SCENARIO_OVERRIDES_BY_GRADE
+    from cwcli.conformance.policies import PEDALS_BY_POLICY
 
-    for key, known in (("grade", GRADES), ("policy", POLICIES)):
+    for key, known in (("grade", SCENARIO_OVERRIDES_BY_GRADE), ("policy", PEDALS_BY_POLICY)):
         if key in document and document[key] not in known:
             raise UsageError(
                 f"{key} is {document[key]!r}",
@@ -297,8 +306,10 @@ def _parse_number(name: str, table: Any, where: str, place: str = "numbers") -> 
         raise UsageError(f"{path}.unit is {table['unit']!r}", where=where, hint=f"one of: {', '.join(SI_PER_UNIT)}")
     if table["basis"] not in BASIS_WORDS:
         raise UsageError(f"{path}.basis is {table['basis']!r}", where=where, hint=f"one of: {', '.join(BASIS_WORDS)}")
-    if table.get("ttc", "") not in TTC_DEFINITIONS:
-        raise UsageError(f"{path}.ttc is {table['ttc']!r}", where=where, hint=f"one of: {', '.join(TTC_DEFINITIONS)}")
+    if table.get("ttc", "") not in MEANING_BY_TTC_DEFINITION:
+        raise UsageError(
+            f"{path}.ttc is {table['ttc']!r}", where=where, hint=f"one of: {', '.join(MEANING_BY_TTC_DEFINITION)}"
+        )
     if not isinstance(table["source"], str) or not table["source"]:
         raise UsageError(f"{path}.source is empty", where=where, hint="name the publication")
     raw = (
@@ -306,7 +317,7 @@ def _parse_number(name: str, table: Any, where: str, place: str = "numbers") -> 
         if isinstance(table["value"], Sequence) and not isinstance(table["value"], str)
         else [table["value"]]
     )
-    largest = LARGEST_BY_UNIT[table["unit"]]
+    largest = LARGEST_NUMBER_BY_UNIT[table["unit"]]
     for value in raw:
         is_number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         if not is_number or abs(value) > largest or (place == "tolerances" and not value > 0.0):

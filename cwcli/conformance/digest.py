@@ -9,15 +9,15 @@ from cwcli.text import format_count
 
 MAX_DIGEST_LINES = 12
 """Largest number of lines of a digest."""
-MAX_LINE_CHARACTERS = 80
+MAX_DIGEST_LINE_CHARACTERS = 80
 """Largest number of characters of a line."""
-NAME_COLUMNS = 40
+NAME_COLUMN_WIDTH_CHARACTERS = 40
 """Width of the column of names, characters."""
-KEPT_NAME_END_COLUMNS = 22
+KEPT_NAME_END_CHARACTERS = 22
 """Width of the end of a long name that is kept, characters."""
-PUBLISHED_WORDS = "numbers as published"
+NUMBERS_AS_PUBLISHED_TEXT = "numbers as published"
 """Words of every output about the clauses: their numbers are the published ones, and nothing is certified."""
-_ORDER = {FAILED: 0, NOT_VALID: 1, PASSED: 2, NOT_JUDGED: 3}
+_DIGEST_RANK_BY_OUTCOME = {FAILED: 0, NOT_VALID: 1, PASSED: 2, NOT_JUDGED: 3}
 """Outcome -> its place in the digest: what needs attention comes first."""
 
 
@@ -25,14 +25,14 @@ def format_digest(results: Sequence[ClauseResult]) -> list[str]:
     """Format the digest of one clause (a line a trial) or of several (a line a clause)."""
     if len(results) == 1:
         return _digest_of_clause(results[0])
-    ordered = sorted(results, key=lambda result: _ORDER[result.outcome])
+    ordered = sorted(results, key=lambda result: _DIGEST_RANK_BY_OUTCOME[result.outcome])
     rows = [(result.clause.name, result.outcome, result.passed_text, result.worst_margin_text) for result in ordered]
     counts = ", ".join(
         f"{sum(result.outcome == outcome for result in results)} {outcome}"
-        for outcome in _ORDER
+        for outcome in _DIGEST_RANK_BY_OUTCOME
         if any(result.outcome == outcome for result in results)
     )
-    heading = f"{format_count(len(results), 'clause')}: {counts} ({PUBLISHED_WORDS})"
+    heading = f"{format_count(len(results), 'clause')}: {counts} ({NUMBERS_AS_PUBLISHED_TEXT})"
     return _cut_to_digest_size(
         [heading, *_format_rows(rows, MAX_DIGEST_LINES - 2, "clauses")], "`cwcli conform NAME` shows the trials"
     )
@@ -41,11 +41,11 @@ def format_digest(results: Sequence[ClauseResult]) -> list[str]:
 def _digest_of_clause(result: ClauseResult) -> list[str]:
     """The digest of one clause."""
     clause = result.clause
-    driven = sorted(result.driven_trials, key=lambda trial: _ORDER[trial.outcome])
+    driven = sorted(result.driven_trials, key=lambda trial: _DIGEST_RANK_BY_OUTCOME[trial.outcome])
     rows = [(trial.trial.name, trial.outcome, trial.passed_text, trial.margin_text) for trial in driven]
     settings = ", ".join(value if name == "grade" else f"{name} {value}" for name, value in result.settings.items())
     lines = [
-        f"{clause.name}: {result.outcome} ({PUBLISHED_WORDS}; {settings})",
+        f"{clause.name}: {result.outcome} ({NUMBERS_AS_PUBLISHED_TEXT}; {settings})",
         *_format_rows(rows, MAX_DIGEST_LINES - 4, "trials"),
     ]
     n_idle = len(result.trials) - len(driven)
@@ -66,7 +66,10 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
 
 def _cut_to_digest_size(lines: Sequence[str], last: str) -> list[str]:
     """The lines, cut to the digest's size, and a last one."""
-    cut = [line if len(line) <= MAX_LINE_CHARACTERS else line[: MAX_LINE_CHARACTERS - 3] + "..." for line in lines]
+    cut = [
+        line if len(line) <= MAX_DIGEST_LINE_CHARACTERS else line[: MAX_DIGEST_LINE_CHARACTERS - 3] + "..."
+        for line in lines
+    ]
     return [*cut[: MAX_DIGEST_LINES - 1], last]
 
 
@@ -76,7 +79,7 @@ def _format_rows(rows: Sequence[tuple[str, str, str, str]], n_lines: int, words:
     shown = list(rows[: n_rows if len(rows) <= n_rows else n_rows - 1])
     table = [(words.removesuffix("s"), "outcome", "passed", "margin"), *shown]
     lines = [
-        f"  {_shorten_to_column(name):{NAME_COLUMNS}} {outcome:10} {share:>9} {margin:>14}".rstrip()
+        f"  {_shorten_to_column(name):{NAME_COLUMN_WIDTH_CHARACTERS}} {outcome:10} {share:>9} {margin:>14}".rstrip()
         for name, outcome, share, margin in table
     ]
     if len(shown) < len(rows):
@@ -88,7 +91,7 @@ def _format_rows(rows: Sequence[tuple[str, str, str, str]], n_lines: int, words:
 
 def _shorten_to_column(name: str) -> str:
     """A name that fits its column."""
-    if len(name) <= NAME_COLUMNS:
+    if len(name) <= NAME_COLUMN_WIDTH_CHARACTERS:
         return name
-    last = name.rpartition(", ")[2][-KEPT_NAME_END_COLUMNS:]  # the numbers, which tell the trials apart
-    return f"{name[: NAME_COLUMNS - len(last) - 3]}...{last}"
+    last = name.rpartition(", ")[2][-KEPT_NAME_END_CHARACTERS:]  # the numbers, which tell the trials apart
+    return f"{name[: NAME_COLUMN_WIDTH_CHARACTERS - len(last) - 3]}...{last}"

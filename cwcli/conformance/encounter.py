@@ -13,7 +13,7 @@ from cwcli.measures.outlines import Size, outline_separation_m
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, X, Y
 
-TRUTH_STEP_S = 0.01
+TRIAL_TRUTH_STEP_S = 0.01
 """Time step of the truth of simulated trials, s. Values between are interpolated. Chosen by hand: a car at 40 m/s moves
 0.4 m in it, and interpolation errs by less than a millimetre."""
 MAX_GAP_FOR_TTC_TEXT_M = 500.0

@@ -8,7 +8,7 @@ from typing import Any
 Settings = Mapping[str, Mapping[str, Any]]
 """Table of a scenario -> its keys: `gnss`, `gnss_heading`, `speed`, `imu` and `v2x`."""
 
-GRADES: Mapping[str, Settings] = {
+SCENARIO_OVERRIDES_BY_GRADE: Mapping[str, Settings] = {
     "nominal": {
         "gnss": {"rate_hz": 10},
         "gnss_heading": {"rate_hz": 10},

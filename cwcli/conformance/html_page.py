@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 
-from cwcli.conformance.digest import PUBLISHED_WORDS
+from cwcli.conformance.digest import NUMBERS_AS_PUBLISHED_TEXT
 from cwcli.conformance.page import CLAUSE_COLUMNS, clause_rows, detail_tables
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult, TrialResult
 from cwcli.pipeline.result import SummaryTable
 from cwcli.version import __version__
 
-COLOURS = {PASSED: "#1c6fb8", FAILED: "#c02f2f", NOT_VALID: "#8a6d1a", NOT_JUDGED: "#777777"}
+COLOUR_BY_OUTCOME = {PASSED: "#1c6fb8", FAILED: "#c02f2f", NOT_VALID: "#8a6d1a", NOT_JUDGED: "#777777"}
 """Outcome -> its colour; blue and red stay apart for the colour-blind, and marks differ in shape, too."""
 ROW_PX, NAME_PX, PLOT_PX, VALUE_PX, HEAD_PX = 19, 300, 400, 200, 22
 """Size of the picture of margins, pixels: height of a row, widths of its three columns, height of the axis."""
@@ -20,9 +20,9 @@ AXIS_MARGIN_SHARE = 0.06
 """Share of the axis' range that is left free at each end."""
 TICK_STEPS_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 """Steps of the axis' labels, s; the least that gives at most seven labels is taken."""
-OPEN_TABLE = "trials"
+UNFOLDED_TABLE_KEY = "trials"
 """Key of the table that is shown unfolded."""
-STYLE = """
+PAGE_STYLE_SHEET = """
 body{font:14px/1.45 system-ui,sans-serif;color:#1b1b1b;max-width:70em;margin:2em auto;padding:0 1em}
 h1{font-size:1.5em;margin-bottom:.2em}h2{font-size:1.2em;margin:2em 0 .3em;border-top:1px solid #ddd;padding-top:1em}
 table{border-collapse:collapse;margin:.6em 0;font-size:.93em}td,th{text-align:left;padding:.2em .7em .2em 0;
@@ -43,12 +43,13 @@ def format_html_page(results: Sequence[ClauseResult]) -> str:
     )
     body = [
         f"<h1>Trials of {escape(rule)}: {_verdict_text(results)}</h1>",
-        f'<p class="quiet">cwcli {escape(__version__)}; {PUBLISHED_WORDS}. Nothing is certified by this page. A margin'
-        " is how much later the warning could have come; a negative one is how much too late or too early it came.</p>",
+        f'<p class="quiet">cwcli {escape(__version__)}; {NUMBERS_AS_PUBLISHED_TEXT}. '
+        "Nothing is certified by this page. A margin is how much later the warning could have come; "
+        "a negative one is how much too late or too early it came.</p>",
         _format_rows(CLAUSE_COLUMNS, links) if len(results) > 1 else "",
         *(_clause_section(result) for result in results),
     ]
-    head = f'<meta charset="utf-8"><title>cwcli conform</title><style>{STYLE}</style>'
+    head = f'<meta charset="utf-8"><title>cwcli conform</title><style>{PAGE_STYLE_SHEET}</style>'
     return f'<!doctype html>\n<html lang="en"><head>{head}</head><body>\n' + "\n".join(body) + "\n</body></html>\n"
 
 
@@ -56,7 +57,7 @@ def _verdict_text(results: Sequence[ClauseResult]) -> str:
     """The verdict of one clause, or how many clauses have each."""
     if len(results) == 1:
         return _outcome_badge_html(results[0].outcome)
-    counts = {outcome: sum(result.outcome == outcome for result in results) for outcome in COLOURS}
+    counts = {outcome: sum(result.outcome == outcome for result in results) for outcome in COLOUR_BY_OUTCOME}
     return ", ".join(f"{count} {_outcome_badge_html(outcome)}" for outcome, count in counts.items() if count)
 
 
@@ -74,13 +75,15 @@ def _clause_section(result: ClauseResult) -> str:
     for table in detail_tables(result):
         text = _format_table(table)
         title = escape(table.title.partition(": ")[2])
-        parts.append(text if table.key == OPEN_TABLE else f"<details><summary>{title}</summary>{text}</details>")
+        parts.append(
+            text if table.key == UNFOLDED_TABLE_KEY else f"<details><summary>{title}</summary>{text}</details>"
+        )
     return "\n".join(part for part in parts if part)
 
 
 def _outcome_badge_html(outcome: str) -> str:
     """An outcome as a coloured word."""
-    return f'<span class="badge" style="background:{COLOURS[outcome]}">{escape(outcome)}</span>'
+    return f'<span class="badge" style="background:{COLOUR_BY_OUTCOME[outcome]}">{escape(outcome)}</span>'
 
 
 def _format_table(table: SummaryTable) -> str:
@@ -135,7 +138,7 @@ def _margin_picture(trials: Sequence[TrialResult]) -> str:
         lines.append(f'<text x="0" {text}>{escape(_shorten_keeping_end(trial.trial.name))}</text>')
         lines += [_outcome_mark_svg(place(margin), y, outcome) for margin, outcome in found[trial.trial.name]]
         words = trial.margin_text or trial.worst_text
-        colour = COLOURS[trial.outcome]
+        colour = COLOUR_BY_OUTCOME[trial.outcome]
         lines.append(
             f'<text x="{NAME_PX + PLOT_PX + 10}" {text} fill="{colour}">'
             f"{trial.outcome}, {trial.passed_text}, {escape(words)}</text>"
@@ -161,7 +164,7 @@ def _margin_axis_svg(low: float, high: float, place: Callable[[float], float], h
 
 def _outcome_mark_svg(x: float, y: float, outcome: str) -> str:
     """A disc for a repetition that passes, a cross for one that fails, a ring for one that is not valid."""
-    colour = COLOURS[outcome]
+    colour = COLOUR_BY_OUTCOME[outcome]
     if outcome == FAILED:
         path = f"M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8"
         return f'<path d="{path}" stroke="{colour}" stroke-width="2"/>'

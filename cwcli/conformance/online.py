@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
-from cwcli.conformance.encounter import TRUTH_STEP_S, Encounter
-from cwcli.conformance.grades import GRADES
+from cwcli.conformance.encounter import TRIAL_TRUTH_STEP_S, Encounter
+from cwcli.conformance.grades import SCENARIO_OVERRIDES_BY_GRADE
 from cwcli.conformance.scenes import BuiltScene
 from cwcli.conformance.verdict import JudgedMotion, RaisedWarning
 from cwcli.errors import MissingSignalError
@@ -21,7 +21,7 @@ from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.output_stream import OutputStream
-from cwcli.pipeline.execute import ALL_CHANNELS
+from cwcli.pipeline.execute import WRITE_ALL_CHANNELS
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
@@ -46,7 +46,7 @@ class SimulatedTrial:
     encounter: JudgedMotion
 
 
-STAGE_NAMES = ("estimate", "predict", "warn")
+WARNING_PIPELINE_STAGES = ("estimate", "predict", "warn")
 """The stages that warn, in their order."""
 Warner = Callable[[SimulatedTrial], tuple[RaisedWarning, ...]]
 """A system that warns: it gets a simulated trial and returns its warnings."""
@@ -58,7 +58,7 @@ def build_trial_scenario(built: BuiltScene, grade: str, *, name: str) -> Scenari
     Raises:
         UsageError: No vehicle can drive it.
     """
-    settings = GRADES[grade]
+    settings = SCENARIO_OVERRIDES_BY_GRADE[grade]
     sensors = {sensor: dict(table) for sensor, table in settings.items() if sensor != "v2x"}
     document: dict[str, Any] = {**built.document, "sensors": sensors, "v2x": dict(settings["v2x"])}
     return parse_scenario(document, name=name)
@@ -67,8 +67,8 @@ def build_trial_scenario(built: BuiltScene, grade: str, *, name: str) -> Scenari
 def true_encounter(scenario: Scenario, built: BuiltScene) -> Encounter:
     """Return the true motion of the host and the principal other vehicle."""
     host, other = scenario.vehicles[HOST_NAME], scenario.vehicles[built.other]
-    n = int((scenario.duration_s + TRUTH_AFTER_TRIAL_S) / TRUTH_STEP_S) + 1
-    time_s: FloatArray = np.arange(n, dtype=np.float64) * TRUTH_STEP_S
+    n = int((scenario.duration_s + TRUTH_AFTER_TRIAL_S) / TRIAL_TRUTH_STEP_S) + 1
+    time_s: FloatArray = np.arange(n, dtype=np.float64) * TRIAL_TRUTH_STEP_S
     return Encounter(
         time_s=time_s,
         host=host.motion.states_at(time_s),
@@ -115,7 +115,7 @@ def make_pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
     def warn(trial: SimulatedTrial) -> tuple[RaisedWarning, ...]:
         assert trial.drive is not None
         with open_in_memory(trial.drive) as log:
-            _, result = _run_stages(log, rule, STAGE_NAMES, horizon_s)
+            _, result = _run_stages(log, rule, WARNING_PIPELINE_STAGES, horizon_s)
         events = result.evaluation_inputs.found[0].events_table
         start_ns = trial.drive.scenario.start_ns
         rows = sorted((int(row["raised_ns"]), str(row["other_id"])) for row in events.rows_as_dicts())
@@ -136,7 +136,7 @@ def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, w
     """
     topics = {channel.topic for channel in log.channels}
     if EGO_STATE.topic not in topics:
-        log = _run_stages(log, rule, STAGE_NAMES[:1])[0]
+        log = _run_stages(log, rule, WARNING_PIPELINE_STAGES[:1])[0]
         topics = {channel.topic for channel in log.channels}
     if topics.isdisjoint((REMOTE_STATE.topic, TARGETS.topic)):
         raise MissingSignalError(
@@ -145,7 +145,7 @@ def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, w
             hint="the log needs the other vehicle's V2X messages, or tracks (`cwcli track`)",
         )
     if with_warnings and WARNINGS.topic not in topics:
-        missing = STAGE_NAMES[1:] if EGO_PATH.topic not in topics else STAGE_NAMES[2:]
+        missing = WARNING_PIPELINE_STAGES[1:] if EGO_PATH.topic not in topics else WARNING_PIPELINE_STAGES[2:]
         return _run_stages(log, rule, missing, horizon_s)[0]
     return log
 
@@ -161,6 +161,6 @@ def _run_stages(log: Log, rule: str, names: Sequence[str], horizon_s: float | No
             changed = {"rule": rule} | ({} if horizon_s is None else {"horizon_s": horizon_s})
             config = replace(config, rule=replace(config.rule, **changed))
         result: StageResult = STAGES[name].stage_function(current, config)
-        record = {f"cwcli.run.{name}": ALL_CHANNELS.record_with_written_topics(result)}
+        record = {f"cwcli.run.{name}": WRITE_ALL_CHANNELS.record_with_written_topics(result)}
         current = current.with_channels(result.channels, record)
     return current, result

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
-from cwcli.conformance.clause import BASIS_WORDS, TTC_DEFINITIONS, Clause
-from cwcli.conformance.digest import PUBLISHED_WORDS
+from cwcli.conformance.clause import BASIS_WORDS, MEANING_BY_TTC_DEFINITION, Clause
+from cwcli.conformance.digest import NUMBERS_AS_PUBLISHED_TEXT
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
 
@@ -60,7 +60,7 @@ def numbers_table(clause: Clause) -> SummaryTable:
             BASIS_WORDS[number.basis],
             number.source,
             number.page,
-            TTC_DEFINITIONS[number.ttc] if number.ttc else "",
+            MEANING_BY_TTC_DEFINITION[number.ttc] if number.ttc else "",
         )
         for name, number in named
     )
@@ -97,7 +97,7 @@ def format_markdown(results: Sequence[ClauseResult]) -> str:
         settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())
         lines += [
             f"\n## {clause.name}\n",
-            f"{clause.title}. Source: {clause.source}; {PUBLISHED_WORDS}. {settings}; "
+            f"{clause.title}. Source: {clause.source}; {NUMBERS_AS_PUBLISHED_TEXT}. {settings}; "
             f"{result.n_repetitions} repetitions of each trial.",
         ]
         if clause.reading:

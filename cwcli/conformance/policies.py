@@ -22,7 +22,7 @@ from cwcli.measures.outlines import outline_separation_m
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE, X, Y
 
-NO_BRAKING = "none"
+NO_BRAKING_POLICY = "none"
 """Name of the policy that never brakes."""
 
 
@@ -37,8 +37,8 @@ def full_braking_throttle_and_pressure(situation: PedalSituation) -> tuple[Float
     return np.zeros(len(braking)), np.where(braking, MAX_BRAKE_PRESSURE_MPA, 0.0)
 
 
-POLICIES: Mapping[str, PedalPolicy | None] = {
-    NO_BRAKING: None,
+PEDALS_BY_POLICY: Mapping[str, PedalPolicy | None] = {
+    NO_BRAKING_POLICY: None,
     "full": full_braking_throttle_and_pressure,
     "driver": braking_driver_throttle_and_pressure,
     "fuzzy": fuzzy_controller_throttle_and_pressure,
@@ -60,7 +60,7 @@ class BrakedTrial:
 
 def drive_with_policy(encounter: Encounter, policy: str, braking_from_s: float) -> BrakedTrial:
     """Drive a trial again: the host as it was until `braking_from_s`, then by the policy; NaN: it never brakes."""
-    is_braked = POLICIES[policy] is not None and not math.isnan(braking_from_s)
+    is_braked = PEDALS_BY_POLICY[policy] is not None and not math.isnan(braking_from_s)
     from_s = np.array([braking_from_s if is_braked else math.inf])
     impact_mps = impact_speeds_with_policy_mps(encounter, policy if is_braked else "full", from_s)
     return BrakedTrial(float(impact_mps[0]))
@@ -68,7 +68,7 @@ def drive_with_policy(encounter: Encounter, policy: str, braking_from_s: float) 
 
 def impact_speeds_with_policy_mps(encounter: Encounter, policy: str, braking_from_s: FloatArray) -> FloatArray:
     """Impact speeds (n,), m/s, of drives that brake by a policy from each time (n,); 0 where there is no contact."""
-    pedals = POLICIES[policy]
+    pedals = PEDALS_BY_POLICY[policy]
     assert pedals is not None  # "none" never brakes
     runs = replay_with_policy(
         _recorded_motion(encounter, encounter.host),

@@ -7,7 +7,7 @@ from typing import Any
 
 from cwcli.conformance.cache import RepetitionCache, repetition_key
 from cwcli.conformance.clause import Clause, Trial, load_clause, require_judge_module
-from cwcli.conformance.grades import GRADES
+from cwcli.conformance.grades import SCENARIO_OVERRIDES_BY_GRADE
 from cwcli.conformance.lane_trials import simulate_lane_trial, warn_of_lane_departure
 from cwcli.conformance.online import (
     SimulatedTrial,
@@ -17,7 +17,7 @@ from cwcli.conformance.online import (
     simulate_trial,
     true_encounter,
 )
-from cwcli.conformance.policies import NO_BRAKING, POLICIES
+from cwcli.conformance.policies import NO_BRAKING_POLICY, PEDALS_BY_POLICY
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.scenes import SCENES
 from cwcli.conformance.verdict import DrivenTrial, Verdict
@@ -27,9 +27,9 @@ from cwcli.process_pool import process_pool
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 
 Tick = Callable[[str, int, int], None]
-BUILTIN_RULES = ("cwcli", "song2016", "ttc", "path-ttc", "eebl")
+BUILTIN_RULE_NAMES = ("cwcli", "song2016", "ttc", "path-ttc", "eebl")
 """The rules of cwcli itself."""
-LARGEST_HORIZON_OPTION_S = 10.0
+MAX_HORIZON_OPTION_S = 10.0
 """Longest horizon, s. Chosen by hand: no prediction means anything beyond."""
 MAX_REPETITIONS_OF_TRIAL = 1000
 """Largest number of repetitions of a trial. Chosen by hand."""
@@ -64,10 +64,13 @@ class ConformConfig:
             raise UsageError(f"--seeds {self.seeds}: permitted are 1 to {MAX_REPETITIONS_OF_TRIAL}")
         if self.jobs < 1:
             raise UsageError(f"--jobs {self.jobs} must be at least 1")
-        if self.horizon_s is not None and not 0.5 <= self.horizon_s <= LARGEST_HORIZON_OPTION_S:
-            raise UsageError(f"--horizon {self.horizon_s:g}: permitted are 0.5 to {LARGEST_HORIZON_OPTION_S:g} s")
+        if self.horizon_s is not None and not 0.5 <= self.horizon_s <= MAX_HORIZON_OPTION_S:
+            raise UsageError(f"--horizon {self.horizon_s:g}: permitted are 0.5 to {MAX_HORIZON_OPTION_S:g} s")
         RULES.require(self.rule)
-        for option, value, known in (("policy", self.policy, POLICIES), ("grade", self.grade, GRADES)):
+        for option, value, known in (
+            ("policy", self.policy, PEDALS_BY_POLICY),
+            ("grade", self.grade, SCENARIO_OVERRIDES_BY_GRADE),
+        ):
             if value is not None and value not in known:
                 raise UsageError(
                     f"there is no {option} {value!r}", hint=hint_at_closest_or_all_known_names(value, known)
@@ -155,7 +158,7 @@ def _known_repetitions(
 
 def _is_cacheable(config: ConformConfig) -> bool:
     """Whether results depend on cwcli alone: another package's rule can change while its name stays."""
-    return config.rule in BUILTIN_RULES
+    return config.rule in BUILTIN_RULE_NAMES
 
 
 def _cache_key_parts(clause: Clause, index: int, config: ConformConfig) -> dict[str, Any]:
@@ -248,4 +251,4 @@ def _settings_of_clause_run(clause: Clause, config: ConformConfig) -> dict[str, 
     horizon = {} if config.horizon_s is None else {"horizon": f"{config.horizon_s:g} s"}
     settings = {"rule": config.rule, **horizon, "grade": config.grade or clause.grade}
     policy = config.policy or clause.policy
-    return settings if policy == NO_BRAKING else {**settings, "policy": policy}
+    return settings if policy == NO_BRAKING_POLICY else {**settings, "policy": policy}

@@ -17,19 +17,19 @@ CAR_LENGTH_AND_WIDTH_M = (4.5, 1.8)
 """Length and width of the cars of the trials, m. Chosen: a mid-size passenger car."""
 LANE_WIDTH_M = 3.5
 """Width of a lane, m. Chosen by hand: the usual one of European rural roads and of test tracks."""
-OTHER_NAME = "other"
+PRINCIPAL_OTHER_VEHICLE_NAME = "other"
 """Name of the principal other vehicle in a scene."""
 STEADY_TIME_BEFORE_EVENT_S = 5.0
 """Time of steady driving before the event, s, in which the filters settle. Chosen by hand: their start takes 1 s."""
 APPROACH_START_TTC_S = 7.0
 """Time to collision at which an approach begins, s. Chosen by hand: longer than every published time to collision."""
-TIME_AFTER_CONTACT_S = 1.0
+SCENE_TIME_AFTER_CONTACT_S = 1.0
 """Time that a scene goes on after the contact, s. Chosen by hand."""
-DEFAULT_BRAKE_RAMP_S = 0.5
+DEFAULT_DECELERATION_BUILD_UP_TIME_S = 0.5
 """Time in which a lead builds up its deceleration, s, where a clause gives none. Chosen by hand."""
-DEFAULT_LANE_CHANGE_S = 3.0
+DEFAULT_LANE_CHANGE_DURATION_S = 3.0
 """Duration of a lane change, s, where a clause gives none. Chosen by hand."""
-YAW_RAMP_S = 0.3
+YAW_RATE_BUILD_UP_TIME_S = 0.3
 """Time in which a vehicle builds up its yaw rate, s. Chosen by hand."""
 
 
@@ -75,7 +75,7 @@ class BuiltScene:
 
     document: Mapping[str, Any]
     event_s: float
-    other: str = OTHER_NAME
+    other: str = PRINCIPAL_OTHER_VEHICLE_NAME
 
 
 def _document_of_vehicles(duration_s: float, **vehicles: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def build_approach(given: Mapping[str, float]) -> BuiltScene:
     gap_m = (host - other) * approach_s
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": host},
-        OTHER_NAME: {
+        PRINCIPAL_OTHER_VEHICLE_NAME: {
             "speed_mps": other,
             "x_m": _centre_distance_m(gap_m, length_m),
             "y_m": given.get("lateral_offset", 0.0),
@@ -113,7 +113,7 @@ def build_approach(given: Mapping[str, float]) -> BuiltScene:
             "width_m": given.get("other_width", CAR_LENGTH_AND_WIDTH_M[1]),
         },
     }
-    return BuiltScene(_document_of_vehicles(approach_s + TIME_AFTER_CONTACT_S, **vehicles), 0.0)
+    return BuiltScene(_document_of_vehicles(approach_s + SCENE_TIME_AFTER_CONTACT_S, **vehicles), 0.0)
 
 
 def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
@@ -123,13 +123,13 @@ def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
         raise _impossible_scene_error(
             f"a gap of {gap_m:g} m and a deceleration of {deceleration:g} m/s^2 must be positive"
         )
-    ramp_s = given.get("ramp_time", DEFAULT_BRAKE_RAMP_S)
+    ramp_s = given.get("ramp_time", DEFAULT_DECELERATION_BUILD_UP_TIME_S)
     # contact: the sum of the gap and the lead's way is the host's way; the ramp delays the braking by half of itself
     until_s = 0.5 * ramp_s + math.sqrt(2.0 * gap_m / deceleration)
     stop_s = 0.5 * ramp_s + speed / deceleration
     if until_s > stop_s:  # the lead stands before
         until_s = 0.5 * ramp_s + (gap_m + 0.5 * speed**2 / deceleration) / speed
-    end_s = STEADY_TIME_BEFORE_EVENT_S + max(until_s, stop_s + ramp_s) + TIME_AFTER_CONTACT_S
+    end_s = STEADY_TIME_BEFORE_EVENT_S + max(until_s, stop_s + ramp_s) + SCENE_TIME_AFTER_CONTACT_S
     braking = [
         {"from_s": 0, "accel_mps2": 0},
         {
@@ -141,7 +141,7 @@ def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
     ]
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": speed},
-        OTHER_NAME: {"speed_mps": speed, "x_m": _centre_distance_m(gap_m), "longitudinal": braking},
+        PRINCIPAL_OTHER_VEHICLE_NAME: {"speed_mps": speed, "x_m": _centre_distance_m(gap_m), "longitudinal": braking},
     }
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_TIME_BEFORE_EVENT_S)
 
@@ -151,11 +151,11 @@ def build_convoy(given: Mapping[str, float]) -> BuiltScene:
     built = build_braking_lead(given)
     speed, gap_m, deceleration = given["host_speed"], given["gap"], given["deceleration"]
     reaction_s = given.get("reaction_time", 1.0)
-    jerk = deceleration / given.get("ramp_time", DEFAULT_BRAKE_RAMP_S)
+    jerk = deceleration / given.get("ramp_time", DEFAULT_DECELERATION_BUILD_UP_TIME_S)
     vehicles = {name: dict(table) for name, table in built.document["vehicles"].items()}
-    first = {**vehicles[OTHER_NAME], "x_m": 2.0 * vehicles[OTHER_NAME]["x_m"]}
+    first = {**vehicles[PRINCIPAL_OTHER_VEHICLE_NAME], "x_m": 2.0 * vehicles[PRINCIPAL_OTHER_VEHICLE_NAME]["x_m"]}
     vehicles["first"] = first
-    vehicles[OTHER_NAME]["longitudinal"] = [
+    vehicles[PRINCIPAL_OTHER_VEHICLE_NAME]["longitudinal"] = [
         {"from_s": 0, "accel_mps2": 0},
         {
             "from_s": STEADY_TIME_BEFORE_EVENT_S + reaction_s,
@@ -177,17 +177,17 @@ def lane_change_yaw_rate_dps(speed_mps: float, offset_m: float, duration_s: floa
     neighbouring ramps. The middle ramp is twice as long as the outer ones (r), so the integral of the heading is
     w (D^2 - r^2 / 4), and the offset is v times that for small headings.
     """
-    half_s = 0.5 * (duration_s - YAW_RAMP_S)
-    return math.degrees(offset_m / (speed_mps * (half_s**2 - 0.25 * YAW_RAMP_S**2)))
+    half_s = 0.5 * (duration_s - YAW_RATE_BUILD_UP_TIME_S)
+    return math.degrees(offset_m / (speed_mps * (half_s**2 - 0.25 * YAW_RATE_BUILD_UP_TIME_S**2)))
 
 
 def lane_change_segments(speed_mps: float, offset_m: float, start_s: float, duration_s: float) -> list[dict[str, Any]]:
     """Segments `lateral` of a lane change by `offset_m` to the left that begins at `start_s`."""
     rate = lane_change_yaw_rate_dps(speed_mps, offset_m, duration_s)
-    half_s = 0.5 * (duration_s - YAW_RAMP_S)
-    limit = abs(rate) / YAW_RAMP_S
+    half_s = 0.5 * (duration_s - YAW_RATE_BUILD_UP_TIME_S)
+    limit = abs(rate) / YAW_RATE_BUILD_UP_TIME_S
     # the second ramp, from w to -w, takes two ramp times and has its middle half_s after that of the first
-    turn_s = start_s + half_s - 0.5 * YAW_RAMP_S
+    turn_s = start_s + half_s - 0.5 * YAW_RATE_BUILD_UP_TIME_S
     back_s = start_s + 2.0 * half_s
     segments: list[dict[str, Any]] = [] if start_s <= 0.0 else [{"from_s": 0, "yaw_rate_dps": 0}]
     return [
@@ -209,7 +209,7 @@ def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
         raise _impossible_scene_error(
             f"the host ({host:.2f} m/s) must be faster than the one that cuts in ({other:.2f} m/s)"
         )
-    duration_s = given.get("lane_change_time", DEFAULT_LANE_CHANGE_S)
+    duration_s = given.get("lane_change_time", DEFAULT_LANE_CHANGE_DURATION_S)
     start_s = STEADY_TIME_BEFORE_EVENT_S
     middle_s = start_s + 0.5 * duration_s
     gap_m = (host - other) * (ttc_s + middle_s)
@@ -219,8 +219,8 @@ def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
         "y_m": LANE_WIDTH_M,
         "lateral": lane_change_segments(other, -LANE_WIDTH_M, start_s, duration_s),
     }
-    end_s = max(middle_s + ttc_s, start_s + duration_s + YAW_RAMP_S) + TIME_AFTER_CONTACT_S
-    vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host}, OTHER_NAME: cutter}
+    end_s = max(middle_s + ttc_s, start_s + duration_s + YAW_RATE_BUILD_UP_TIME_S) + SCENE_TIME_AFTER_CONTACT_S
+    vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: cutter}
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), start_s)
 
 
@@ -242,8 +242,14 @@ def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
         "lateral": lane_change_segments(speed, LANE_WIDTH_M, STEADY_TIME_BEFORE_EVENT_S, duration_s),
     }
     standing = {"speed_mps": 0, "x_m": _centre_distance_m(speed * (STEADY_TIME_BEFORE_EVENT_S + reveal_s))}
-    end_s = STEADY_TIME_BEFORE_EVENT_S + max(reveal_s, duration_s + YAW_RAMP_S) + TIME_AFTER_CONTACT_S
-    vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": speed}, "lead": lead, OTHER_NAME: standing}
+    end_s = (
+        STEADY_TIME_BEFORE_EVENT_S + max(reveal_s, duration_s + YAW_RATE_BUILD_UP_TIME_S) + SCENE_TIME_AFTER_CONTACT_S
+    )
+    vehicles: dict[str, dict[str, Any]] = {
+        HOST_NAME: {"speed_mps": speed},
+        "lead": lead,
+        PRINCIPAL_OTHER_VEHICLE_NAME: standing,
+    }
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
 
 
@@ -266,7 +272,7 @@ def build_crossing(given: Mapping[str, float]) -> BuiltScene:
         "turning_radius_m": 1.0,
     }
     document = _document_of_vehicles(
-        meet_s + TIME_AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: crosser}
+        meet_s + SCENE_TIME_AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: crosser}
     )
     return BuiltScene(document, 0.0)
 
@@ -282,7 +288,8 @@ def build_oncoming(given: Mapping[str, float]) -> BuiltScene:
         "y_m": given.get("lateral_offset", 0.0),
     }
     document = _document_of_vehicles(
-        approach_s + TIME_AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, OTHER_NAME: oncoming}
+        approach_s + SCENE_TIME_AFTER_CONTACT_S,
+        **{HOST_NAME: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: oncoming},
     )
     return BuiltScene(document, 0.0)
 
@@ -313,8 +320,13 @@ def build_turn_across(given: Mapping[str, float]) -> BuiltScene:
     k = int(reached[0])
     meet_s, meet_x_m = float(time_s[k]), float(states[k, 0])
     oncoming = {"speed_mps": other, "heading_deg": 180.0, "x_m": meet_x_m + other * meet_s, "y_m": LANE_WIDTH_M}
-    vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host, "lateral": lateral}, OTHER_NAME: oncoming}
-    return BuiltScene(_document_of_vehicles(meet_s + TIME_AFTER_CONTACT_S, **vehicles), STEADY_TIME_BEFORE_EVENT_S)
+    vehicles: dict[str, dict[str, Any]] = {
+        HOST_NAME: {"speed_mps": host, "lateral": lateral},
+        PRINCIPAL_OTHER_VEHICLE_NAME: oncoming,
+    }
+    return BuiltScene(
+        _document_of_vehicles(meet_s + SCENE_TIME_AFTER_CONTACT_S, **vehicles), STEADY_TIME_BEFORE_EVENT_S
+    )
 
 
 def build_parked_on_both_sides(given: Mapping[str, float]) -> BuiltScene:
@@ -327,10 +339,10 @@ def build_parked_on_both_sides(given: Mapping[str, float]) -> BuiltScene:
     parked = {"speed_mps": 0, "x_m": x_m}
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": speed},
-        OTHER_NAME: {**parked, "y_m": side_m},
+        PRINCIPAL_OTHER_VEHICLE_NAME: {**parked, "y_m": side_m},
         "right": {**parked, "y_m": -side_m},
     }
-    return BuiltScene(_document_of_vehicles(APPROACH_START_TTC_S + 2.0 * TIME_AFTER_CONTACT_S, **vehicles), 0.0)
+    return BuiltScene(_document_of_vehicles(APPROACH_START_TTC_S + 2.0 * SCENE_TIME_AFTER_CONTACT_S, **vehicles), 0.0)
 
 
 def build_parked_in_curve(given: Mapping[str, float]) -> BuiltScene:
@@ -345,8 +357,11 @@ def build_parked_in_curve(given: Mapping[str, float]) -> BuiltScene:
     ]
     lag_m = 0.25 * speed  # the transition of 0.5 s delays the curve by half of itself
     parked = {"speed_mps": 0, "x_m": speed * begin_s + lag_m + ahead_m + 0.5 * CAR_LENGTH_AND_WIDTH_M[0], "y_m": 0.0}
-    end_s = begin_s + 2.0 * ahead_m / speed + TIME_AFTER_CONTACT_S
-    vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": speed, "lateral": lateral}, OTHER_NAME: parked}
+    end_s = begin_s + 2.0 * ahead_m / speed + SCENE_TIME_AFTER_CONTACT_S
+    vehicles: dict[str, dict[str, Any]] = {
+        HOST_NAME: {"speed_mps": speed, "lateral": lateral},
+        PRINCIPAL_OTHER_VEHICLE_NAME: parked,
+    }
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
 
 
@@ -360,15 +375,25 @@ def build_following(given: Mapping[str, float]) -> BuiltScene:
     reaction_s = given.get("reaction_time", 0.0)
 
     def braking(begin_s: float) -> list[dict[str, Any]]:
-        change = {"speed_mps": lower, "limit_mps2": deceleration, "jerk_mps3": deceleration / DEFAULT_BRAKE_RAMP_S}
+        change = {
+            "speed_mps": lower,
+            "limit_mps2": deceleration,
+            "jerk_mps3": deceleration / DEFAULT_DECELERATION_BUILD_UP_TIME_S,
+        }
         return [{"from_s": 0, "accel_mps2": 0}, {"from_s": begin_s, **change}]
 
     if gap_m <= (speed - lower) * reaction_s:
         raise _impossible_scene_error(f"the host runs into the lead within its reaction time of {reaction_s:g} s")
-    end_s = STEADY_TIME_BEFORE_EVENT_S + reaction_s + (speed - lower) / deceleration + 2.0 * DEFAULT_BRAKE_RAMP_S + 3.0
+    end_s = (
+        STEADY_TIME_BEFORE_EVENT_S
+        + reaction_s
+        + (speed - lower) / deceleration
+        + 2.0 * DEFAULT_DECELERATION_BUILD_UP_TIME_S
+        + 3.0
+    )
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": speed, "longitudinal": braking(STEADY_TIME_BEFORE_EVENT_S + reaction_s)},
-        OTHER_NAME: {
+        PRINCIPAL_OTHER_VEHICLE_NAME: {
             "speed_mps": speed,
             "x_m": _centre_distance_m(gap_m),
             "longitudinal": braking(STEADY_TIME_BEFORE_EVENT_S),
@@ -377,14 +402,16 @@ def build_following(given: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_TIME_BEFORE_EVENT_S)
 
 
-_SHAPE = ("other_length", "other_width")
+_OTHER_SIZE_NUMBERS = ("other_length", "other_width")
 SCENES: Mapping[str, Scene] = {
-    "approach": Scene(build_approach, ("host_speed",), ("other_speed", "approach_time", "lateral_offset", *_SHAPE)),
+    "approach": Scene(
+        build_approach, ("host_speed",), ("other_speed", "approach_time", "lateral_offset", *_OTHER_SIZE_NUMBERS)
+    ),
     "braking-lead": Scene(build_braking_lead, ("host_speed", "gap", "deceleration"), ("ramp_time",)),
     "convoy": Scene(build_convoy, ("host_speed", "gap", "deceleration"), ("ramp_time", "reaction_time")),
     "cut-in": Scene(build_cut_in, ("host_speed", "other_speed", "ttc_at_cut_in"), ("lane_change_time",)),
     "cut-out": Scene(build_cut_out, ("host_speed", "gap", "reveal_ttc"), ("lane_change_time",)),
-    "crossing": Scene(build_crossing, ("host_speed", "other_speed"), ("approach_time", *_SHAPE)),
+    "crossing": Scene(build_crossing, ("host_speed", "other_speed"), ("approach_time", *_OTHER_SIZE_NUMBERS)),
     "oncoming": Scene(build_oncoming, ("host_speed", "other_speed"), ("approach_time", "lateral_offset")),
     "turn-across": Scene(build_turn_across, ("host_speed", "other_speed"), ("radius",)),
     "parked-on-both-sides": Scene(build_parked_on_both_sides, ("host_speed", "clearance")),

@@ -24,7 +24,7 @@ RECORDED_SCENES = ("approach", "braking-lead")
 CHECKED_TIME_BEFORE_BRAKING_S = 3.0
 """Time before the lead's braking from which on a trial is checked, s (NHTSA's confirmation test, as commonly stated,
 not checked)."""
-CHECKED_TTC_S = 5.0
+MAX_TTC_OF_CHECKED_APPROACH_S = 5.0
 """Time to collision from which on an approach is checked, s (NHTSA's confirmation test, as commonly stated, not
 checked)."""
 TIME_FROM_LEAD_ONSET_TO_CHECK_S = 1.5
@@ -32,9 +32,9 @@ TIME_FROM_LEAD_ONSET_TO_CHECK_S = 1.5
 stated, not checked)."""
 DEFAULT_SPEED_TOLERANCE_MPS = 0.56
 """Tolerance of speeds where a clause has none, m/s: 2 km/h. Chosen by hand."""
-DEFAULT_LEAD_ONSET_MPS2 = 0.05 * 9.80665
+DEFAULT_LEAD_BRAKING_ONSET_MPS2 = 0.05 * 9.80665
 """Deceleration of a lead at which its braking begins, m/s^2, where a clause has none (49 CFR 571.127: 0.05 g)."""
-MAX_LATERAL_OFFSET_M = 2.0
+MAX_LATERAL_OFFSET_OF_LEAD_M = 2.0
 """Lateral offset up to which a vehicle can be the lead, m. Chosen by hand: about half a lane."""
 
 
@@ -56,7 +56,7 @@ class TrialMatch:
 def match_encounter_with_trial(clause: Clause, trial: Trial, encounter: Encounter) -> TrialMatch:
     """Compare the speeds (and the gap) of a recorded drive with those of a trial."""
     median_offset_m = float(np.median(np.abs(encounter.lateral_offset_m)))
-    if median_offset_m > MAX_LATERAL_OFFSET_M or float(encounter.gap_m[0]) < 0.0:
+    if median_offset_m > MAX_LATERAL_OFFSET_OF_LEAD_M or float(encounter.gap_m[0]) < 0.0:
         return TrialMatch(math.inf, f"{median_offset_m:.1f} m to the side of the host's path", encounter)
     tolerance = clause.tolerance("subject-speed") or DEFAULT_SPEED_TOLERANCE_MPS
     other_tolerance = clause.tolerance("other-speed") or DEFAULT_SPEED_TOLERANCE_MPS
@@ -76,15 +76,19 @@ def match_encounter_with_trial(clause: Clause, trial: Trial, encounter: Encounte
         )
         text = f"host {found[0]:.1f} m/s, other {found[1]:.1f} m/s, gap {gap_m:.1f} m when the other begins to brake"
         return TrialMatch(far, f"{text}; the trial has {host_mps:.1f} m/s and {trial.given['gap']:.1f} m", event)
-    near = np.flatnonzero(encounter.ttc_s <= CHECKED_TTC_S)
+    near = np.flatnonzero(encounter.ttc_s <= MAX_TTC_OF_CHECKED_APPROACH_S)
     if not len(near) or math.isfinite(onset_s):
-        words = "the other brakes" if len(near) else f"the time to collision is never below {CHECKED_TTC_S:g} s"
+        words = (
+            "the other brakes"
+            if len(near)
+            else f"the time to collision is never below {MAX_TTC_OF_CHECKED_APPROACH_S:g} s"
+        )
         return TrialMatch(math.inf, words, encounter)
     first = int(near[0])
     found = float(encounter.host[first, SPEED]), float(encounter.other[first, SPEED])
     other_mps = trial.given.get("other_speed", 0.0)
     far = max(abs(found[0] - host_mps) / tolerance, abs(found[1] - other_mps) / other_tolerance)
-    text = f"host {found[0]:.1f} m/s, other {found[1]:.1f} m/s {CHECKED_TTC_S:g} s from contact"
+    text = f"host {found[0]:.1f} m/s, other {found[1]:.1f} m/s {MAX_TTC_OF_CHECKED_APPROACH_S:g} s from contact"
     return TrialMatch(far, f"{text}; the trial has {host_mps:.1f} and {other_mps:.1f} m/s", encounter)
 
 
@@ -97,7 +101,7 @@ def lead_braking_onset_s(clause: Clause, trial: Trial, encounter: Encounter) -> 
     hard = np.flatnonzero(decel >= 0.5 * trial.given.get("deceleration", 2.0))
     if not len(hard):
         return math.nan
-    onset = clause.tolerance("lead-onset") or DEFAULT_LEAD_ONSET_MPS2
+    onset = clause.tolerance("lead-onset") or DEFAULT_LEAD_BRAKING_ONSET_MPS2
     calm = np.flatnonzero(decel[: hard[0]] < onset)
     return float(encounter.time_s[calm[-1]]) if len(calm) else float(encounter.time_s[0])
 
@@ -108,7 +112,7 @@ def checked_start_and_end_s(trial: Trial, whole: Encounter, warned_s: float, ver
     until_s = latest_s if math.isnan(warned_s) else min(warned_s, latest_s)
     if trial.scene == "braking-lead":
         return whole.event_s - CHECKED_TIME_BEFORE_BRAKING_S, until_s
-    near = np.flatnonzero(whole.ttc_s <= CHECKED_TTC_S)
+    near = np.flatnonzero(whole.ttc_s <= MAX_TTC_OF_CHECKED_APPROACH_S)
     return (float(whole.time_s[near[0]]) if len(near) else float(whole.time_s[0])), until_s
 
 

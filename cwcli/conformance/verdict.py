@@ -45,7 +45,7 @@ class DrivenTrial:
     Attributes:
         warnings: Every warning of the system during the trial, in order of time.
         demands: The numbers of the clause that the judge asks for, SI units.
-        policy: Braking policy, a key of `policies.POLICIES`.
+        policy: Braking policy, a key of `policies.PEDALS_BY_POLICY`.
     """
 
     encounter: JudgedMotion

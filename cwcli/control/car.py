@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.dynamics.friction import BRAKING_FRICTION
+from cwcli.dynamics.friction import CONTROLLER_BRAKING_FRICTION_COEFFICIENT
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
@@ -29,7 +29,7 @@ class CarResponse:
     brake_lag_s: float = 0.2
     throttle_lag_s: float = 0.3
     max_jerk_mps3: float = 15.0
-    friction: float = BRAKING_FRICTION
+    friction: float = CONTROLLER_BRAKING_FRICTION_COEFFICIENT
 
 
 @dataclass(frozen=True)

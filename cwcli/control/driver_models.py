@@ -21,7 +21,7 @@ GRAVITY_MPS2 = 9.81
 """Acceleration of gravity as the regulation rounds it, m/s^2."""
 HUMAN_BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
 """Largest deceleration of the careful and competent human, m/s^2; UN Regulation 157, annex 4, appendix 3: 0.774 g."""
-HUMAN_JERK_MPS3 = 12.65
+HUMAN_BRAKING_JERK_MPS3 = 12.65
 """Rate at which the human's deceleration grows, m/s^3; UN Regulation 157, annex 4, appendix 3: 0.774 g in 0.6 s."""
 HUMAN_CRITICAL_TTC_S = 2.0
 """Time to collision below which the human takes a cut-in as dangerous, s; UN Regulation 157, annex 4, appendix 3."""
@@ -141,17 +141,22 @@ def _fuzzy_braking_mps2(seen: DrivingSituation) -> FloatArray:
     return np.where(seen.is_behind | goes_by, 0.0, braking_mps2)
 
 
-HUMAN_AT_CUT_IN = DriverModel(
-    "careful and competent human", _human_cut_in_braking_mps2, 0.75, 0.4, HUMAN_JERK_MPS3, _is_cut_in_early_enough
+CAREFUL_HUMAN_DRIVER_AT_CUT_IN = DriverModel(
+    "careful and competent human",
+    _human_cut_in_braking_mps2,
+    0.75,
+    0.4,
+    HUMAN_BRAKING_JERK_MPS3,
+    _is_cut_in_early_enough,
 )
 """The careful and competent human at a cut-in, with the regulation's reaction time and release of the pedal; UN
 Regulation 157, annex 4, appendix 3."""
 R157_DRIVER = DriverModel("driver of UN R157", _r157_braking_mps2, R157_REACTION_S)
 """The driver of UN Regulation 157, 5.2.5.2."""
-RSS_DRIVER = DriverModel("RSS", _rss_braking_mps2, RSS_REACTION_S, 0.0, HUMAN_JERK_MPS3)
+RSS_DRIVER = DriverModel("RSS", _rss_braking_mps2, RSS_REACTION_S, 0.0, HUMAN_BRAKING_JERK_MPS3)
 """The driver of RSS (Shalev-Shwartz et al. 2017), who brakes as the careful human does."""
 FUZZY_SAFETY_DRIVER = DriverModel(
-    "fuzzy safety model", _fuzzy_braking_mps2, fuzzy_safety.RESPONSE_TIME_S, 0.0, HUMAN_JERK_MPS3
+    "fuzzy safety model", _fuzzy_braking_mps2, fuzzy_safety.FOLLOWER_RESPONSE_TIME_S, 0.0, HUMAN_BRAKING_JERK_MPS3
 )
 """The driver of the fuzzy safety model (Mattas et al. 2020), who brakes with the human's jerk."""
 

@@ -23,13 +23,13 @@ from cwcli.option import Option
 from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-POLICIES = ("no-action", "fuzzy", "driver")
+BRAKING_POLICY_NAMES = ("no-action", "fuzzy", "driver")
 """Names of the policies, in the order of the rows of every array below; `no-action` is the recorded motion itself."""
-REPLAY_BEFORE_WARNING_S = 5.0
+REPLAY_START_BEFORE_WARNING_S = 5.0
 """Time before the warning at which a replay starts, s. Chosen by hand; not fitted."""
 MAX_TRACK_GAP_BRIDGED_BY_REPLAY_S = 1.0
 """Longest gap between the states of a track that a replay bridges, s. Chosen by hand; not fitted."""
-EXTENSION_STEP_S = 0.05
+TRACK_EXTENSION_STEP_S = 0.05
 """Time between the states that extend a track beyond its end, s: the states' usual period (20 Hz)."""
 MIN_HOST_SPEED_FOR_HEADING_MPS = 1.0
 """Speed below which the estimated heading of the host is not used, m/s. Chosen by hand; not fitted."""
@@ -129,9 +129,9 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
         ends_s.append(float(motion.time_s[-1]))
         jerks.append(state[:, 6])
     end_s = min(span.duration_s, max(min(ends_s), 0.0) + span.after_s)
-    start_s = max(-REPLAY_BEFORE_WARNING_S, *(float(motion.time_s[0]) for motion in motions))
+    start_s = max(-REPLAY_START_BEFORE_WARNING_S, *(float(motion.time_s[0]) for motion in motions))
     # Whole steps before the warning, at least one: the grid has the warning at 0, and a recorded state before it.
-    start_s = -max(float(np.floor(-start_s / EXTENSION_STEP_S + 1e-9)), 1.0) * EXTENSION_STEP_S
+    start_s = -max(float(np.floor(-start_s / TRACK_EXTENSION_STEP_S + 1e-9)), 1.0) * TRACK_EXTENSION_STEP_S
     host_motion, other_motion = (extend_motion(motion, end_s) for motion in motions)
     host_motion = cut_motion(host_motion, start_s, end_s)
     other_motion = cut_motion(other_motion, start_s, end_s)
@@ -163,7 +163,7 @@ def extend_motion(motion: RecordedMotion, end_s: float) -> RecordedMotion:
     last_s = float(motion.time_s[-1])
     if end_s <= last_s:
         return motion
-    more_s = np.append(np.arange(EXTENSION_STEP_S, end_s - last_s - 1e-9, EXTENSION_STEP_S), end_s - last_s)
+    more_s = np.append(np.arange(TRACK_EXTENSION_STEP_S, end_s - last_s - 1e-9, TRACK_EXTENSION_STEP_S), end_s - last_s)
     speed, heading = float(motion.speed_mps[-1]), float(motion.heading_rad[-1])
     turn_rate = float(motion.turn_rate_radps[-1])
     half_turn = 0.5 * turn_rate * more_s
@@ -187,7 +187,7 @@ def cut_motion(motion: RecordedMotion, start_s: float, end_s: float) -> Recorded
 
 def _throttle_and_pressure_of_all_policies(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of all policies, one row each; shape (3,) each."""
-    throttle, pressure = np.zeros(len(POLICIES)), np.zeros(len(POLICIES))
+    throttle, pressure = np.zeros(len(BRAKING_POLICY_NAMES)), np.zeros(len(BRAKING_POLICY_NAMES))
     for row, policy in ((1, fuzzy_controller_throttle_and_pressure), (2, braking_driver_throttle_and_pressure)):
         opening, brake = policy(situation)
         throttle[row], pressure[row] = opening[row], brake[row]
@@ -201,7 +201,7 @@ def _summarise_replayed_runs(
     after = outcome.time_s >= -1e-6
     distance = np.where(after, outcome.distance_m, np.inf)
     nearest = distance.argmin(axis=1)
-    rows = np.arange(len(POLICIES))
+    rows = np.arange(len(BRAKING_POLICY_NAMES))
     hit = distance < COLLISION_DISTANCE_M
     first_hit = hit.argmax(axis=1)
     collided = np.asarray(hit.any(axis=1))

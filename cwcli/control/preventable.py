@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.control.driver_models import (
+    CAREFUL_HUMAN_DRIVER_AT_CUT_IN,
     FUZZY_SAFETY_DRIVER,
-    HUMAN_AT_CUT_IN,
     R157_DRIVER,
     RSS_DRIVER,
     CasePoses,
@@ -35,7 +35,7 @@ SIMULATION_STEP_S = 0.1
 """Time step of the driver models, and between the moments at which they take over, s; that of the regulation's
 criterion."""
 DRIVER_MODELS: Mapping[str, DriverModel] = {
-    "careful human": replace(HUMAN_AT_CUT_IN, is_no_longer_judged=None),
+    "careful human": replace(CAREFUL_HUMAN_DRIVER_AT_CUT_IN, is_no_longer_judged=None),
     "UN R157": R157_DRIVER,
     "RSS": RSS_DRIVER,
     "fuzzy": FUZZY_SAFETY_DRIVER,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.control.controller import speed_difference_along_heading_mps
-from cwcli.control.encounter import POLICIES, ReplayedWarning
+from cwcli.control.encounter import BRAKING_POLICY_NAMES, ReplayedWarning
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.outlines import signed_outline_distance_m
 from cwcli.metrics.table import ColumnDoc, Table, table_from_records
@@ -18,9 +18,9 @@ from cwcli.signals.units import NS_PER_S
 
 STAMP_OF_EVENT_THAT_NEVER_HAPPENED_NS = -1
 """Stamp that stands for an event that did not happen."""
-PUBLISH_STEP_S = 0.05
+PUBLISHED_REPLAY_STEP_S = 0.05
 """Time between the steps of a replay that are published, s (20 Hz, as the estimated states)."""
-TIME_TOLERANCE_S = 1e-9
+TIME_ROUNDING_TOLERANCE_S = 1e-9
 """Tolerance of comparisons of times, s, against rounding."""
 
 
@@ -59,7 +59,7 @@ class PublishedReplay:
         """Indices of the steps that are published: one every 0.05 s, the warning's among them."""
         time_s = self.encounter.outcome.time_s
         steps = np.round(time_s / (time_s[1] - time_s[0])).astype(np.int64)
-        return np.flatnonzero(steps % round(PUBLISH_STEP_S / (time_s[1] - time_s[0])) == 0)
+        return np.flatnonzero(steps % round(PUBLISHED_REPLAY_STEP_S / (time_s[1] - time_s[0])) == 0)
 
     @property
     def extrapolated_s(self) -> float:
@@ -104,13 +104,17 @@ class PublishedReplay:
             "accel_mps2": outcome.accel_mps2[policy, rows],
             "throttle": outcome.throttle[policy, rows],
             "brake_pressure_mpa": outcome.pressure_mpa[policy, rows],
-            "is_extrapolated": outcome.time_s[rows] > self.encounter.recorded_until_s + TIME_TOLERANCE_S,
+            "is_extrapolated": outcome.time_s[rows] > self.encounter.recorded_until_s + TIME_ROUNDING_TOLERANCE_S,
         }
 
 
 def control_table(replayed: Sequence[PublishedReplay], predictor: str, rule: str) -> Table:
     """The table `control`: one row per warning and policy."""
-    records = [control_table_row(one, policy, predictor, rule) for one in replayed for policy in range(len(POLICIES))]
+    records = [
+        control_table_row(one, policy, predictor, rule)
+        for one in replayed
+        for policy in range(len(BRAKING_POLICY_NAMES))
+    ]
     return table_from_records("control", _CONTROL_COLUMN_TYPES, records, docs=_CONTROL_COLUMN_DOCS)
 
 
@@ -122,7 +126,7 @@ def control_table_row(one: PublishedReplay, policy: int, predictor: str, rule: s
     return {
         "event_id": one.event_id,
         "other_id": one.other_id,
-        "policy": POLICIES[policy],
+        "policy": BRAKING_POLICY_NAMES[policy],
         "predictor": predictor,
         "rule": rule,
         "warning_stamp_ns": one.warning_ns,
@@ -150,7 +154,7 @@ def control_series_table(replayed: Sequence[PublishedReplay]) -> Table:
     parts: list[dict[str, Any]] = []
     for one in replayed:
         rows = one.published_step_indices
-        for policy, name in enumerate(POLICIES):
+        for policy, name in enumerate(BRAKING_POLICY_NAMES):
             n = len(rows)
             labels: dict[str, Any] = {
                 "event_id": np.full(n, one.event_id),

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from cwcli.channels.binding import ROLE_TEXT
+from cwcli.channels.binding import DESCRIPTION_BY_ROLE
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.digest.drive_sentences import drive_length_sentence
 from cwcli.digest.stage_sentences import stage_sentence
@@ -22,9 +22,9 @@ from cwcli.text import format_number, join_names
 if TYPE_CHECKING:
     from cwcli.digest.drive import Drive
 
-STAGES_OF_A_STORY = frozenset({"warn", "warn-targets", "warn-lane"})
+STAGES_WITH_WARNING_STORY = frozenset({"warn", "warn-targets", "warn-lane"})
 """Stages after which the story of the drive, with its warnings, says what happened."""
-NO_EGO_STATE_TEXT = f"no channel holds {ROLE_TEXT[EGO_STATE.role]}"
+NO_EGO_STATE_TEXT = f"no channel holds {DESCRIPTION_BY_ROLE[EGO_STATE.role]}"
 """The reason for leaving a stage out where the car's motion was not estimated, in the words of the channels."""
 
 _OTHER_STAGES_PATTERN = re.compile(r" \(another way: --stage ([\w,-]+)\)")
@@ -62,7 +62,7 @@ def build_digest(
         InputError: The log is damaged.
         DataError: A channel was written by another version.
     """
-    drive = _read_warned_drive(log) if STAGES_OF_A_STORY & set(stages) else None
+    drive = _read_warned_drive(log) if STAGES_WITH_WARNING_STORY & set(stages) else None
     evidence = read_evidence(log) if drive is None else drive.doubt_evidence
     doubts = find_doubts_in_evidence(evidence)
     sentences = tuple(filter(None, (stage_sentence(stage, evidence.records, tables) for stage in stages)))

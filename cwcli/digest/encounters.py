@@ -20,16 +20,16 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED
-from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
-from cwcli.warning.pair import STANDSTILL_SPEED_MPS
+from cwcli.warning.lane_departure import LANE_DEPARTURE_RULE_NAME as LANE_DEPARTURE
+from cwcli.warning.pair import MAX_STANDSTILL_SPEED_MPS
 
-MAX_DETAILED_OTHERS = 400
+MAX_OTHERS_WITH_DISTANCE = 400
 """Greatest number of others whose distance to the ego is computed: those warned of, then the longest tracks. Chosen by
 hand; not fitted."""
-SAME_DIRECTION_RAD = math.radians(45.0)
+MAX_HEADING_DIFFERENCE_OF_SAME_DIRECTION_RAD = math.radians(45.0)
 """Greatest difference of two headings, rad, that count as the same direction; within it of pi they count as opposite.
 Chosen by hand; not fitted."""
-AHEAD_BEARING_RAD = math.radians(60.0)
+MAX_BEARING_AHEAD_RAD = math.radians(60.0)
 """Greatest bearing, rad, that counts as ahead; bearings within it of pi count as behind, others as beside. Chosen by
 hand; not fitted."""
 
@@ -128,7 +128,7 @@ def find_encounters(drive: Drive) -> DriveEncounters:
     warned = {entry.other_id for entry in alerts}
     ranked = sorted(drive.others, key=lambda other: (other.id not in warned, -len(other.track.stamp_ns)))
     pairs: dict[int, Pair] = {}
-    for other in ranked[:MAX_DETAILED_OTHERS]:
+    for other in ranked[:MAX_OTHERS_WITH_DISTANCE]:
         pairs[id(other)] = _pair_with_host(drive, host, other)
     by_id: dict[str, OtherTrack] = {}
     for other in drive.others:
@@ -143,7 +143,7 @@ def find_encounters(drive: Drive) -> DriveEncounters:
             key = id(other_track), encounter.verdict.conflict_index
             warned_by.setdefault(key, []).append(encounter.event_id)
         encounters.append(encounter)
-    compared = ranked[:MAX_DETAILED_OTHERS]
+    compared = ranked[:MAX_OTHERS_WITH_DISTANCE]
     happened = [
         Conflict(other, conflict, tuple(warned_by.get((id(other), index), ())))
         for other in compared
@@ -156,7 +156,7 @@ def find_encounters(drive: Drive) -> DriveEncounters:
         encounters=tuple(encounters),
         missed_conflicts=tuple(missed) if drive.warnings is not None else (),
         nearest=_find_nearest_moving_approach(compared, pairs),
-        n_not_compared=max(0, len(ranked) - MAX_DETAILED_OTHERS),
+        n_not_compared=max(0, len(ranked) - MAX_OTHERS_WITH_DISTANCE),
         conflicts=tuple(happened),
         pairs=tuple((other, pairs[id(other)]) for other in compared),
     )
@@ -235,11 +235,11 @@ def _direction_phrase_or_empty(host: ActualTrack, other: OtherTrack, at_ns: int,
     bearing = wrap_angle(math.atan2(theirs[1] - own[1], theirs[0] - own[0]) - float(own[3]))
     heading_difference_rad = wrap_angle(float(theirs[3] - own[3]))
     side = "left" if bearing > 0.0 else "right"
-    if abs(heading_difference_rad) <= SAME_DIRECTION_RAD:
-        if abs(bearing) < AHEAD_BEARING_RAD:
+    if abs(heading_difference_rad) <= MAX_HEADING_DIFFERENCE_OF_SAME_DIRECTION_RAD:
+        if abs(bearing) < MAX_BEARING_AHEAD_RAD:
             return "ahead in the same direction"
-        return "coming from behind" if abs(bearing) > math.pi - AHEAD_BEARING_RAD else f"beside it on the {side}"
-    if abs(heading_difference_rad) >= math.pi - SAME_DIRECTION_RAD:
+        return "coming from behind" if abs(bearing) > math.pi - MAX_BEARING_AHEAD_RAD else f"beside it on the {side}"
+    if abs(heading_difference_rad) >= math.pi - MAX_HEADING_DIFFERENCE_OF_SAME_DIRECTION_RAD:
         return "coming towards it"
     return f"coming from the {'right' if heading_difference_rad > 0.0 else 'left'}"
 
@@ -247,8 +247,8 @@ def _direction_phrase_or_empty(host: ActualTrack, other: OtherTrack, at_ns: int,
 def rows_of_moving_pair_and_if_always_standing(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
     """Return the rows at which both are known and one moves; all known rows and True if both always stood."""
     is_known = np.isfinite(pair.distance_m)
-    moves = np.abs(pair.host.state[:, SPEED]) > STANDSTILL_SPEED_MPS
-    moves |= np.abs(pair.other_states[:, SPEED]) > STANDSTILL_SPEED_MPS
+    moves = np.abs(pair.host.state[:, SPEED]) > MAX_STANDSTILL_SPEED_MPS
+    moves |= np.abs(pair.other_states[:, SPEED]) > MAX_STANDSTILL_SPEED_MPS
     is_parked = not (is_known & moves).any()
     return np.flatnonzero(is_known if is_parked else is_known & moves), is_parked
 

@@ -7,19 +7,19 @@ from dataclasses import asdict
 from typing import Any
 
 from cwcli.digest.digest import Digest
-from cwcli.digest.lines import ELLIPSIS, MAX_LINES, MAX_WIDTH
+from cwcli.digest.lines import CUT_SENTENCE_MARK, MAX_DIGEST_LINES, MAX_LINE_WIDTH_CELLS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import format_count, shorten_and_escape, terminal_cells_of_text
 
-MAX_ID_WIDTH = 28
+MAX_LOG_NAME_WIDTH_CELLS = 28
 """Widest name of a log in its line, in cells; chosen: most of the line is left for what happened."""
-MAX_CHARACTERS = 200
+MAX_LOG_TEXT_CHARACTERS = 200
 """Longest text of a log that is laid out, in characters; chosen: more than a line."""
-N_OTHER_LINES = 4
+N_LINES_BESIDE_LOGS = 4
 """Lines beside those of the logs: the heading, how many more logs there are, all of them, and what to do next."""
-COLUMN_AFTER_LABELS = 6
+TEXT_START_COLUMN_CELLS = 6
 """Column at which the last two lines begin behind their labels, in cells: `next` and two spaces."""
-ENTRY_KEY = "digest"
+DIGEST_ENTRY_KEY = "digest"
 """Key of a log's entry in the manifest that holds its digest."""
 
 
@@ -49,7 +49,7 @@ class LogLine:
     @classmethod
     def from_entry(cls, entry: Mapping[str, Any], status: str) -> LogLine:
         """Read the entry of a log; what does not fit in its digest is ignored, for others may have written it."""
-        found = entry.get(ENTRY_KEY)
+        found = entry.get(DIGEST_ENTRY_KEY)
         digest = found if isinstance(found, dict) else {}
         happened, doubts = (each if isinstance(each, list) else [] for each in map(digest.get, ("happened", "doubts")))
         sentences = [doubt.get("sentence") for doubt in doubts if isinstance(doubt, dict)]
@@ -77,7 +77,7 @@ class LogLine:
         return f"doubt: {self.doubts[0]}" if self.doubts else self.happened or self.status
 
 
-def format_fleet_lines(logs: Sequence[LogLine], *, next_step: str, width: int = MAX_WIDTH) -> list[str]:
+def format_fleet_lines(logs: Sequence[LogLine], *, next_step: str, width: int = MAX_LINE_WIDTH_CELLS) -> list[str]:
     """Format at most eleven lines, which go below a heading.
 
     Args:
@@ -85,17 +85,20 @@ def format_fleet_lines(logs: Sequence[LogLine], *, next_step: str, width: int = 
         next_step: A command line.
         width: Width of the terminal in cells.
     """
-    width = min(width, MAX_WIDTH)
+    width = min(width, MAX_LINE_WIDTH_CELLS)
     ordered = sorted(logs, key=lambda log: log.sort_key)
-    n_shown = MAX_LINES - N_OTHER_LINES
+    n_shown = MAX_DIGEST_LINES - N_LINES_BESIDE_LOGS
     shown = ordered if len(ordered) <= n_shown + 1 else ordered[:n_shown]
-    names = [_cut_to_cell_width(log.id, MAX_ID_WIDTH) for log in shown]
+    names = [_cut_to_cell_width(log.id, MAX_LOG_NAME_WIDTH_CELLS) for log in shown]
     column = max(map(terminal_cells_of_text, (*names, "next")), default=0) + 2
     rows = [(name, log.text, column) for name, log in zip(names, shown, strict=True)]
     if len(shown) < len(ordered):
         rows.append(("", f"and {format_count(len(ordered) - len(shown), 'more log')}", column))
     # long names of logs leave too little room for these two
-    rows += [("all", _fleet_totals_sentence(logs), COLUMN_AFTER_LABELS), ("next", next_step, COLUMN_AFTER_LABELS)]
+    rows += [
+        ("all", _fleet_totals_sentence(logs), TEXT_START_COLUMN_CELLS),
+        ("next", next_step, TEXT_START_COLUMN_CELLS),
+    ]
     return [
         f"{name}{' ' * (at - terminal_cells_of_text(name))}{_cut_to_cell_width(text, width - at)}"
         for name, text, at in rows
@@ -113,9 +116,9 @@ def _fleet_totals_sentence(logs: Sequence[LogLine]) -> str:
 
 
 def _cut_to_cell_width(text: str, width: int) -> str:
-    shown = shorten_and_escape(text, MAX_CHARACTERS)
+    shown = shorten_and_escape(text, MAX_LOG_TEXT_CHARACTERS)
     if terminal_cells_of_text(shown) <= width:
         return shown
-    while terminal_cells_of_text(shown) > max(width - len(ELLIPSIS), 0) and shown:
+    while terminal_cells_of_text(shown) > max(width - len(CUT_SENTENCE_MARK), 0) and shown:
         shown = shown[:-1]
-    return f"{shown.rstrip()}{ELLIPSIS}"
+    return f"{shown.rstrip()}{CUT_SENTENCE_MARK}"

@@ -9,19 +9,19 @@ from cwcli.evaluation.doubts.base import Doubt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import escape_control_characters, format_count, shorten_and_escape, terminal_cells_of_text, wrap_text
 
-MAX_LINES = 12
+MAX_DIGEST_LINES = 12
 """Greatest number of lines of a digest; chosen: they fit the smallest terminal and ten seconds of reading."""
-MAX_WIDTH = 80
+MAX_LINE_WIDTH_CELLS = 80
 """Greatest width of a line in cells of the terminal; chosen: the usual width of a terminal."""
-LABEL_WIDTH = 7
+LABEL_WIDTH_CELLS = 7
 """Width of the labels in cells: the longest, `doubt`, and two spaces."""
-MIN_LINE_WIDTH = 24
+MIN_LINE_WIDTH_CELLS = 24
 """Least width that is used, in cells; chosen by hand: the labels and a word."""
 MAX_SENTENCE_CHARACTERS = 600
 """Longest part of a sentence that is laid out, in characters; chosen: more than twelve lines hold of one block."""
 NO_DOUBT_TEXT = "No reason for doubt was found."
 """The first sentence on results without a doubt."""
-ELLIPSIS = "..."
+CUT_SENTENCE_MARK = "..."
 """Marks a sentence that was cut."""
 
 
@@ -59,7 +59,9 @@ def _short_doubt_name(name: str) -> str:
     return (rule.short_name if rule is not None else "") or name.replace("-", " ")
 
 
-def format_blocks(blocks: Sequence[Block], *, width: int = MAX_WIDTH, max_lines: int = MAX_LINES) -> list[str]:
+def format_blocks(
+    blocks: Sequence[Block], *, width: int = MAX_LINE_WIDTH_CELLS, max_lines: int = MAX_DIGEST_LINES
+) -> list[str]:
     """Format blocks as lines; a block gets the lines that it needs, and shares what is missing with the others.
 
     Args:
@@ -67,9 +69,9 @@ def format_blocks(blocks: Sequence[Block], *, width: int = MAX_WIDTH, max_lines:
         width: Width of the terminal in cells.
         max_lines: Greatest number of lines together.
     """
-    width = max(min(width, MAX_WIDTH), MIN_LINE_WIDTH)
+    width = max(min(width, MAX_LINE_WIDTH_CELLS), MIN_LINE_WIDTH_CELLS)
     shown = [block for block in blocks if block.sentences]
-    wrapped = [_wrap_sentences(block.sentences, width - LABEL_WIDTH) for block in shown]
+    wrapped = [_wrap_sentences(block.sentences, width - LABEL_WIDTH_CELLS) for block in shown]
     needed = [lines[-1] if lines else 0 for lines in ([count for _, count in each] for each in wrapped)]
     lines_by_block = [min(need, block.least_lines) for need, block in zip(needed, shown, strict=True)]
     spare = max_lines - sum(lines_by_block)
@@ -81,8 +83,8 @@ def format_blocks(blocks: Sequence[Block], *, width: int = MAX_WIDTH, max_lines:
     for block, most, sentences in zip(shown, lines_by_block, wrapped, strict=True):
         if not block.least_lines and most < sentences[0][1]:
             continue
-        lines = _fit_sentences(block.sentences, width - LABEL_WIDTH, most)
-        out += [f"{block.label if k == 0 else '':{LABEL_WIDTH}}{line}" for k, line in enumerate(lines)]
+        lines = _fit_sentences(block.sentences, width - LABEL_WIDTH_CELLS, most)
+        out += [f"{block.label if k == 0 else '':{LABEL_WIDTH_CELLS}}{line}" for k, line in enumerate(lines)]
     return out
 
 
@@ -101,14 +103,18 @@ def _fit_sentences(sentences: Sequence[str], width: int, most: int) -> list[str]
     if fitting:
         return wrap_text(fitting[-1], width)
     lines = wrap_text(shorten_and_escape(sentences[0], MAX_SENTENCE_CHARACTERS), width)[:most]
-    while terminal_cells_of_text(lines[-1]) + len(ELLIPSIS) > width:
+    while terminal_cells_of_text(lines[-1]) + len(CUT_SENTENCE_MARK) > width:
         lines[-1] = lines[-1][:-1]
-    return [*lines[:-1], f"{lines[-1].rstrip()}{ELLIPSIS}"]
+    return [*lines[:-1], f"{lines[-1].rstrip()}{CUT_SENTENCE_MARK}"]
 
 
 def shorten_path(path: str, width: int) -> str:
     """Return a path that fits into `width` cells: its end is kept, which names the file."""
     shown = escape_control_characters(path)
     while terminal_cells_of_text(shown) > width:
-        shown = f"{ELLIPSIS}{shown[len(ELLIPSIS) + 1 :]}" if shown.startswith(ELLIPSIS) else f"{ELLIPSIS}{shown[1:]}"
+        shown = (
+            f"{CUT_SENTENCE_MARK}{shown[len(CUT_SENTENCE_MARK) + 1 :]}"
+            if shown.startswith(CUT_SENTENCE_MARK)
+            else f"{CUT_SENTENCE_MARK}{shown[1:]}"
+        )
     return shown

@@ -23,7 +23,11 @@ MAX_NAMES_IN_SENTENCE = 4
 """Greatest number of things that a sentence names one by one; chosen by hand."""
 
 
-POLICY_PHRASES = {"no-action": "nobody braking", "fuzzy": "the controller", "driver": "a driver who brakes late"}
+PHRASE_BY_BRAKING_POLICY = {
+    "no-action": "nobody braking",
+    "fuzzy": "the controller",
+    "driver": "a driver who brakes late",
+}
 """Policy of `control` -> what it is called in a sentence."""
 _HORIZON_PATTERN = re.compile(r"[\d.]+ s ahead")
 """The horizon in the title of the table of prediction errors."""
@@ -138,7 +142,10 @@ def _crashes_by_policy_sentence(summary: RecordedSummary, tables: Tables) -> str
     hits: dict[str, list[bool]] = {}
     for policy, hit in rows:
         hits.setdefault(_cell_to_name(policy), []).append(hit in ("yes", True))
-    texts = [f"{sum(each)} of {len(each)} with {POLICY_PHRASES.get(policy, policy)}" for policy, each in hits.items()]
+    texts = [
+        f"{sum(each)} of {len(each)} with {PHRASE_BY_BRAKING_POLICY.get(policy, policy)}"
+        for policy, each in hits.items()
+    ]
     return (
         f"Warned encounters that end in a crash: {join_names(texts)}." if texts else "There was no warning to replay."
     )

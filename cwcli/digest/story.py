@@ -24,7 +24,7 @@ from cwcli.text import escape_control_characters, format_count, join_names
 from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]
-MAX_ID_CHARACTERS = 40
+MAX_VEHICLE_ID_CHARACTERS = 40
 """The greatest length of a vehicle's id in a sentence, in characters. Chosen by hand; not fitted."""
 LANE_DEPARTURE_KIND = "lane"
 """The kind under which lane departures are counted."""
@@ -226,14 +226,16 @@ def verdict_badge(encounter: Encounter) -> Badge:
 def name_of_other(encounter: Encounter) -> str:
     """Return a name such as `vehicle 17` of whom the warning is about."""
     if encounter.is_lane_departure:
-        return escape_control_characters(encounter.other_id)[:MAX_ID_CHARACTERS]
+        return escape_control_characters(encounter.other_id)[:MAX_VEHICLE_ID_CHARACTERS]
     return short_vehicle_name(encounter.other.kind if encounter.other is not None else "vehicle", encounter.other_id)
 
 
 def short_vehicle_name(kind: str, other_id: str) -> str:
     """Return a name such as `vehicle 17`, cut where the id is long."""
     shown = escape_control_characters(other_id)
-    return f"{kind} {shown if len(shown) <= MAX_ID_CHARACTERS else shown[: MAX_ID_CHARACTERS - 1] + '…'}"
+    return (
+        f"{kind} {shown if len(shown) <= MAX_VEHICLE_ID_CHARACTERS else shown[: MAX_VEHICLE_ID_CHARACTERS - 1] + '…'}"
+    )
 
 
 def _criticality_sort_key(encounter: Encounter) -> tuple[float, float, int]:
@@ -301,7 +303,7 @@ def _missed_conflict_sentences(drive: Drive, drive_encounters: DriveEncounters) 
         at = _seconds_since_start_text(drive, missed.conflict.onset_ns)
         sentences.append(
             f"No warning came before {at}, when {missed.conflict.part_text} "
-            f"({missed.other.kind} {escape_control_characters(missed.other.id)[:MAX_ID_CHARACTERS]}, nearest "
+            f"({missed.other.kind} {escape_control_characters(missed.other.id)[:MAX_VEHICLE_ID_CHARACTERS]}, nearest "
             f"{missed.conflict.closest_m:.1f} m)."
         )
     if len(drive_encounters.missed_conflicts) > len(sentences):
@@ -319,7 +321,7 @@ def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str
     if drive_encounters.nearest is None:
         return f"{text}; no other vehicle was heard while the car's position was known."
     nearest = drive_encounters.nearest
-    name = f"{nearest.other.kind} {escape_control_characters(nearest.other.id)[:MAX_ID_CHARACTERS]}"
+    name = f"{nearest.other.kind} {escape_control_characters(nearest.other.id)[:MAX_VEHICLE_ID_CHARACTERS]}"
     at = _seconds_since_start_text(drive, nearest.stamp_ns)
     return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away, centre to centre, at {at}."
 

@@ -39,9 +39,9 @@ from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.resample import resample
 from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
 
-SPEED_GRID_STEP_KMH = 10.0
+OBSERVER_SPEED_STEP_KMH = 10.0
 """Distance between the speeds of neighbouring observers, km/h; zhang2011, section 3."""
-OBSERVER_SPEEDS_KMH = np.arange(10.0, 161.0, SPEED_GRID_STEP_KMH)
+OBSERVER_SPEEDS_KMH = np.arange(10.0, 161.0, OBSERVER_SPEED_STEP_KMH)
 """Speeds for which an observer is computed, km/h, shape (16,); zhang2011 uses multiples of 10 km/h."""
 DEFAULT_FRAME_PERIOD_S = 0.1
 """Sampling period of the observers when the log has fewer than two frames, s; that of the paper's camera (10 Hz)."""
@@ -50,7 +50,7 @@ MIN_FRAME_PERIOD_S = 0.001
 MAX_PERIODS_BETWEEN_FRAMES = 1_000_000
 """Largest number of sampling periods between two frames that is computed. Chosen by hand: the observer starts anew
 after a pause that long."""
-OUTPUT_MATRIX = np.eye(4)[2:]
+OBSERVER_OUTPUT_MATRIX = np.eye(4)[2:]
 """Matrix C of zhang2011's eq. 21, shape (2, 4): y_L and e_L are measured."""
 
 
@@ -89,17 +89,17 @@ def _design_bank_cached(key: tuple[float, ...], is_continuous: bool) -> Observer
         a, b = preview_state_matrices(vehicle, kmh * MPS_PER_KMH, preview_m)
         phi, gamma = transition_and_input_matrices(a, b, period_s)
         noise = discretise_noise_covariance(a, r1 * np.eye(4), period_s) if is_continuous else r1 * np.eye(4)
-        designs.append((phi, gamma, steady_kalman_gain(phi, OUTPUT_MATRIX, noise, r2 * np.eye(2))))
+        designs.append((phi, gamma, steady_kalman_gain(phi, OBSERVER_OUTPUT_MATRIX, noise, r2 * np.eye(2))))
     return ObserverBank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*designs, strict=True)))
 
 
 def lower_speed_index_and_upper_weight(speed_mps: FloatArray) -> tuple[npt.NDArray[np.int32], FloatArray]:
     """Index of the observer below each speed (n,), and weight (v - v_1) / 10 of the one above, eq. 22 (corrected)."""
     kmh = np.clip(np.nan_to_num(speed_mps / MPS_PER_KMH), OBSERVER_SPEEDS_KMH[0], OBSERVER_SPEEDS_KMH[-1])
-    low = np.minimum((kmh - OBSERVER_SPEEDS_KMH[0]) // SPEED_GRID_STEP_KMH, len(OBSERVER_SPEEDS_KMH) - 2).astype(
+    low = np.minimum((kmh - OBSERVER_SPEEDS_KMH[0]) // OBSERVER_SPEED_STEP_KMH, len(OBSERVER_SPEEDS_KMH) - 2).astype(
         np.int32
     )
-    return low, (kmh - OBSERVER_SPEEDS_KMH[low]) / SPEED_GRID_STEP_KMH
+    return low, (kmh - OBSERVER_SPEEDS_KMH[low]) / OBSERVER_SPEED_STEP_KMH
 
 
 def observe_with_blended_bank(

@@ -6,7 +6,7 @@ import math
 from dataclasses import field, fields
 from typing import Annotated, Literal
 
-from cwcli.dynamics.samples import DEFAULT_PREVIEW_M
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_POINT_DISTANCE_M
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
@@ -81,7 +81,7 @@ class ObserverConfig:
         max_speed_gap_s: The speed is not interpolated or kept over a longer gap.
         noise: "cwcli": see `FilterNoise`.
         period_s: "zhang2011": the observers' sampling time; None: the median time between frames.
-        steer_rate: "zhang2011": a key of `steering.RATE_METHODS`.
+        steer_rate: "zhang2011": a key of `steering.HEADING_RATE_METHODS`.
         process_noise, lane_noise: "zhang2011": R1 and R2, printed as 0.01 and 0.01 I.
         noise_reading: "zhang2011": "continuous": R1 belongs to eq. 21 and is discretised with it; "discrete": it is
             added as it stands in eq. 16.
@@ -95,7 +95,7 @@ class ObserverConfig:
             "multiples of 10 km/h, two of them blended.",
         ),
     ] = "cwcli"
-    preview_m: float = DEFAULT_PREVIEW_M
+    preview_m: float = DEFAULT_PREVIEW_POINT_DISTANCE_M
     estimate_load: Annotated[
         bool, Option("--estimate-load", "Also estimate the car's mass, which only turns show (method cwcli).")
     ] = False

@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
 from cwcli.dynamics.near_lane import (
-    MIN_SCALING_SPEED_MPS,
-    REFERENCE_SPEED_MPS,
+    MIN_SPEED_OF_PREVIEW_SCALING_MPS,
+    TUNING_DRIVE_SPEED_MPS,
     convert_sine_states_to_angles,
     lane_at_nearer_preview,
     slowness_ratio,
@@ -40,12 +40,12 @@ from cwcli.signals.units import NS_PER_S
 
 MAX_PREDICTION_STEP_S = 0.1
 """Longest time that the model is predicted in one step, s. Chosen by hand; not fitted."""
-MASS_RATIO_RANGE = (0.5, 2.0)
+NOMINAL_TO_ACTUAL_MASS_RATIO_RANGE = (0.5, 2.0)
 """Lowest and highest permitted estimate of nominal mass / mass. Chosen by hand; not fitted."""
 MAX_AGE_OF_MEASURED_YAW_RATE_S = 0.2
 """Age up to which an accepted yaw rate counts as measured, s: frames that do not fit then restart the lane's states
 alone. Chosen by hand; not fitted."""
-STANDSTILL_SPEED_MPS = 0.1
+MAX_STANDSTILL_SPEED_MPS = 0.1
 """Speed below which the car is taken to stand, m/s: lateral speed and yaw rate are zero there. Chosen by hand; not
 fitted."""
 MIN_MEASUREMENT_SIGMA = 1e-9
@@ -72,15 +72,15 @@ def build_kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model
         "slip": m * lf / (kr * vehicle.wheelbase_m),
         "understeer": understeer_gradient_rad_per_mps2(vehicle),
         "min_speed": MIN_MODEL_SPEED_MPS,
-        "still_mps": STANDSTILL_SPEED_MPS,
+        "still_mps": MAX_STANDSTILL_SPEED_MPS,
         "max_step_s": MAX_PREDICTION_STEP_S,
-        "eta_low": MASS_RATIO_RANGE[0],
-        "eta_high": MASS_RATIO_RANGE[1],
+        "eta_low": NOMINAL_TO_ACTUAL_MASS_RATIO_RANGE[0],
+        "eta_high": NOMINAL_TO_ACTUAL_MASS_RATIO_RANGE[1],
         "gate_sigmas": noise.gate,
         "restart_after": noise.restart_after,
         "gyro_recent_s": MAX_AGE_OF_MEASURED_YAW_RATE_S,
-        "chosen_mps": REFERENCE_SPEED_MPS,
-        "slowest_mps": MIN_SCALING_SPEED_MPS,
+        "chosen_mps": TUNING_DRIVE_SPEED_MPS,
+        "slowest_mps": MIN_SPEED_OF_PREVIEW_SCALING_MPS,
         "walk_noise": _walk_noise_intensities(noise, config.estimate_load),
         "start_sigma": _start_sigmas(noise, config.estimate_load),
     }

@@ -9,9 +9,9 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 TAYLOR_ORDER = 14
-"""Highest power in the Taylor series of the exponential. Chosen by hand: up to `MAX_SERIES_NORM` the remainder is below
-1e-17 of the result."""
-MAX_SERIES_NORM = 0.5
+"""Highest power in the Taylor series of the exponential. Chosen by hand: up to `MAX_UNSCALED_ROW_SUM_NORM` the
+remainder is below 1e-17 of the result."""
+MAX_UNSCALED_ROW_SUM_NORM = 0.5
 """Largest row-sum norm at which the series is summed without scaling: at order 14 its remainder is below 1e-17 of the
 result."""
 
@@ -26,7 +26,7 @@ def matrix_exponential(matrix: FloatArray) -> FloatArray:
         Shape (n, n).
     """
     norm = float(np.abs(matrix).sum(axis=1).max())
-    squarings = max(0, math.ceil(math.log2(norm / MAX_SERIES_NORM))) if norm > 0.0 else 0
+    squarings = max(0, math.ceil(math.log2(norm / MAX_UNSCALED_ROW_SUM_NORM))) if norm > 0.0 else 0
     scaled = matrix / 2.0**squarings
     identity = np.eye(len(matrix))
     result = identity.copy()

@@ -27,22 +27,22 @@ from cwcli.signals.lane_geometry import (
     y_direction_curvature_of_lane_centres_at_distance,
 )
 
-REFERENCE_SPEED_MPS = 25.0
+TUNING_DRIVE_SPEED_MPS = 25.0
 """Speed of the simulated drives on which the filter's walks and the preview distance were chosen, m/s."""
-MIN_SCALING_SPEED_MPS = 5.0
+MIN_SPEED_OF_PREVIEW_SCALING_MPS = 5.0
 """Speed below which the preview distance and the walks no longer change with the speed, m/s. Chosen by hand; not
 fitted."""
-MAX_DIRECTION_SINE = 0.4
+MAX_LANE_DIRECTION_SINE_AT_PREVIEW = 0.4
 """Largest sine of the lane's direction at the preview point: there the linear model moves y_L by 10 % too little (see
 above)."""
-MIN_PREVIEW_M = 2.0
+MIN_PREVIEW_DISTANCE_M = 2.0
 """Smallest distance of the preview point ahead of the camera and of the centre of gravity, m. Chosen by hand; not
 fitted."""
 
 
 def slowness_ratio(speed_mps: FloatArray) -> FloatArray:
     """Ratio of the reference speed (25 m/s) to the car's, shape (n,), at least 1; 1 where the speed is not known."""
-    return np.fmax(1.0, REFERENCE_SPEED_MPS / np.maximum(np.abs(speed_mps), MIN_SCALING_SPEED_MPS))
+    return np.fmax(1.0, TUNING_DRIVE_SPEED_MPS / np.maximum(np.abs(speed_mps), MIN_SPEED_OF_PREVIEW_SCALING_MPS))
 
 
 def convert_sine_states_to_angles(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -73,8 +73,10 @@ def lane_at_nearer_preview(
     if lanes.lines is None or lanes.curvature_change_1pm2 is None:
         return lanes, whole_m, np.zeros(len(lanes))
     change_1pm2 = -np.nan_to_num(lanes.curvature_change_1pm2)
-    turned_m = distance_ahead_to_direction_sine_m(centre_arcs_of_lanes(lanes.lines), MAX_DIRECTION_SINE, change_1pm2)
-    nearest_m = MIN_PREVIEW_M + max(-camera_forward_m, 0.0)
+    turned_m = distance_ahead_to_direction_sine_m(
+        centre_arcs_of_lanes(lanes.lines), MAX_LANE_DIRECTION_SINE_AT_PREVIEW, change_1pm2
+    )
+    nearest_m = MIN_PREVIEW_DISTANCE_M + max(-camera_forward_m, 0.0)
     nearer_m = np.fmax(np.fmin(preview_m * slowness_ratio(speed_mps) ** -1.5, turned_m), nearest_m)
     at_m = np.minimum(nearer_m, preview_m)
     y_m, direction_rad, curvature_1pm = y_direction_curvature_of_lane_centres_at_distance(

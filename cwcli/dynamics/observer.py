@@ -10,7 +10,7 @@ from cwcli.dynamics.blended import observe_with_blended_bank
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.filter import observe_with_kalman_filter
 from cwcli.dynamics.samples import LaneSamples, LateralTrack, ScalarSamples
-from cwcli.dynamics.steering import RATE_METHODS
+from cwcli.dynamics.steering import HEADING_RATE_METHODS
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import DataError, UsageError, hint_at_closest_or_all_known_names
 
@@ -67,10 +67,10 @@ def observe_lateral_motion(
             f"there is no observer '{config.method}'",
             hint=hint_at_closest_or_all_known_names(config.method, OBSERVER_METHODS),
         )
-    if config.steer_rate not in RATE_METHODS:
+    if config.steer_rate not in HEADING_RATE_METHODS:
         raise UsageError(
             f"there is no steering rate '{config.steer_rate}'",
-            hint=hint_at_closest_or_all_known_names(config.steer_rate, RATE_METHODS),
+            hint=hint_at_closest_or_all_known_names(config.steer_rate, HEADING_RATE_METHODS),
         )
     stamps = {"lanes": lanes.stamp_ns, "speed": speed.stamp_ns}
     stamps |= {} if yaw_rate is None else {"yaw rate": yaw_rate.stamp_ns}

@@ -6,9 +6,9 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
-MAX_DOUBLINGS = 60
+MAX_DOUBLING_PASSES = 60
 """Largest number of passes of the doubling algorithm: 60 stand for 2^60 steps of the plain iteration."""
-CONVERGENCE_TOLERANCE = 1e-13
+MAX_RELATIVE_COVARIANCE_CHANGE = 1e-13
 """Largest relative change of the covariance in a pass at which the iteration has converged. Chosen by hand near double
 precision."""
 
@@ -34,7 +34,7 @@ def steady_predicted_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r
     p = q.copy()
     identity = np.eye(len(phi))
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(MAX_DOUBLINGS):
+        for _ in range(MAX_DOUBLING_PASSES):
             w = np.linalg.inv(identity + g @ p)
             aw = a @ w
             step = a.T @ p @ w @ a
@@ -43,7 +43,7 @@ def steady_predicted_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r
             p = p + 0.5 * (step + step.T)
             if not np.all(np.isfinite(p)):
                 break
-            if np.abs(step).max() <= CONVERGENCE_TOLERANCE * np.abs(p).max():
+            if np.abs(step).max() <= MAX_RELATIVE_COVARIANCE_CHANGE * np.abs(p).max():
                 return np.asarray(p)
     raise ValueError("the filter does not converge: an unstable or undamped part of the model is not observed")
 

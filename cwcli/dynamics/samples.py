@@ -16,7 +16,7 @@ from cwcli.signals.resample import resample
 
 STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "heading_deviation_rad")
 """Names of the columns of `LateralTrack.state`: v_y, gamma, y_L and e_L, with their units."""
-DEFAULT_PREVIEW_M = 33.5
+DEFAULT_PREVIEW_POINT_DISTANCE_M = 33.5
 """Distance of the preview point ahead of the camera, m: D_L of zhang2011."""
 MAX_HEADING_DEVIATION_RAD = 1.4
 """Largest heading deviation whose tangent is taken, rad; larger ones are clipped. Chosen by hand; not fitted."""

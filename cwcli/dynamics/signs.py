@@ -9,12 +9,12 @@ from cwcli.dynamics.steering import rate_per_s_by_median_slope
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
 
-OPPOSITE_CORRELATION = -0.5
+MAX_CORRELATION_OF_REVERSED_SENSOR = -0.5
 """Correlation with the turning of the lane below which a sensor's sign is taken as reversed. Chosen by hand; not
 fitted."""
-MIN_COMPARED_FRAMES = 50
+MIN_FRAMES_TO_COMPARE_SIGNS = 50
 """Smallest number of frames with both values at which signs are compared. Chosen by hand; not fitted."""
-MIN_TURNING_RADPS = 0.01
+MIN_YAW_RATE_SPREAD_TO_COMPARE_SIGNS_RADPS = 0.01
 """Smallest standard deviation of the yaw rate from vision at which signs are compared, rad/s: below it the car hardly
 turns. Chosen by hand; not fitted."""
 
@@ -36,8 +36,11 @@ def is_sign_opposite(samples: ScalarSamples, stamp_ns: Int64Array, vision: Float
     """Whether a sensor's sign is opposite to that of the turns in the camera image; False without clear turns."""
     sensor = resample(samples.stamp_ns, samples.values, stamp_ns, max_gap_s=0.5)
     both = np.isfinite(sensor) & np.isfinite(vision)
-    if np.count_nonzero(both) < MIN_COMPARED_FRAMES or np.std(vision[both]) < MIN_TURNING_RADPS:
+    if (
+        np.count_nonzero(both) < MIN_FRAMES_TO_COMPARE_SIGNS
+        or np.std(vision[both]) < MIN_YAW_RATE_SPREAD_TO_COMPARE_SIGNS_RADPS
+    ):
         return False
     a, b = sensor[both], vision[both]
     scale = float(np.sqrt(np.mean(a**2) * np.mean(b**2)))
-    return scale > 0.0 and float(np.mean(a * b)) / scale < OPPOSITE_CORRELATION
+    return scale > 0.0 and float(np.mean(a * b)) / scale < MAX_CORRELATION_OF_REVERSED_SENSOR

@@ -11,7 +11,7 @@ from cwcli.signals.units import NS_PER_S
 
 MIN_VISION_STEERING_SPEED_MPS = 1.0
 """Lowest speed with a steering angle from vision, m/s: eq. 10 divides by the speed. Chosen by hand; not fitted."""
-SLOPE_WINDOW_FRAMES = 5
+MEDIAN_SLOPE_WINDOW_FRAMES = 5
 """Number of frames of the median slope: one wrong frame of five does not change it. Chosen by hand; not fitted."""
 
 
@@ -37,7 +37,7 @@ def rate_per_s_from_last_two_frames(stamp_ns: Int64Array, values: FloatArray, *,
 
 
 def rate_per_s_by_median_slope(
-    stamp_ns: Int64Array, values: FloatArray, *, window: int = SLOPE_WINDOW_FRAMES, max_gap_s: float = 0.5
+    stamp_ns: Int64Array, values: FloatArray, *, window: int = MEDIAN_SLOPE_WINDOW_FRAMES, max_gap_s: float = 0.5
 ) -> FloatArray:
     """The median of the slopes of all pairs among the last `window` frames (Theil-Sen); per second, shape (n,).
 
@@ -64,7 +64,7 @@ def rate_per_s_by_median_slope(
     return np.where((count > 0) & np.isfinite(values), middle, np.nan)
 
 
-RATE_METHODS = {"raw": rate_per_s_from_last_two_frames, "robust": rate_per_s_by_median_slope}
+HEADING_RATE_METHODS = {"raw": rate_per_s_from_last_two_frames, "robust": rate_per_s_by_median_slope}
 """The methods for the rate of the heading deviation by the name that `--steer-rate` takes."""
 
 
@@ -83,13 +83,13 @@ def steering_angle_from_vision_rad(
         stamp_ns: Shape (n,), increasing.
         heading_deviation_rad, curvature_1pm: Shape (n,): e_L and K_L in the paper's signs, NaN where not found.
         speed_mps: Shape (n,).
-        rate: A key of `RATE_METHODS`: "raw" is the paper's difference.
+        rate: A key of `HEADING_RATE_METHODS`: "raw" is the paper's difference.
 
     Returns:
         Shape (n,), rad; NaN where something is missing or the car is slower than 1 m/s. Multiply by
         `correction` for the dynamic angle delta_D.
     """
-    change = RATE_METHODS[rate](stamp_ns, heading_deviation_rad)
+    change = HEADING_RATE_METHODS[rate](stamp_ns, heading_deviation_rad)
     moving = speed_mps >= MIN_VISION_STEERING_SPEED_MPS
     over_v = np.where(moving, 1.0 / np.where(moving, speed_mps, 1.0), np.nan)
     return -vehicle.wheelbase_m * (curvature_1pm - change * over_v)

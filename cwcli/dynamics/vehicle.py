@@ -22,7 +22,7 @@ VEHICLE_FILE_SUFFIX = ".toml"
 DEFAULT_VEHICLE = "zhang2011"
 """Name of the shipped car that is assumed if none is given: that of zhang2011 (table 5)."""
 
-NUMBER_RANGES: Mapping[str, tuple[float, float, str]] = {
+RANGE_AND_UNIT_BY_VEHICLE_KEY: Mapping[str, tuple[float, float, str]] = {
     "front_axle_m": (0.1, 10.0, "m ahead of the centre of gravity"),
     "rear_axle_m": (0.1, 10.0, "m behind the centre of gravity"),
     "front_stiffness_nprad": (1e3, 1e7, "N/rad for the whole axle, positive"),
@@ -35,7 +35,7 @@ NUMBER_RANGES: Mapping[str, tuple[float, float, str]] = {
 for all road vehicles, narrow enough to find a wrong unit or sign."""
 OPTIONAL_KEY_DEFAULTS: Mapping[str, float] = {"width_m": 1.8, "camera_forward_m": 0.0}
 """Default values of the number keys that may be missing, m."""
-MASS_RANGE_KG = (50.0, 60_000.0)
+LOADED_CAR_MASS_RANGE_KG = (50.0, 60_000.0)
 """Lowest and highest permitted mass of a load, kg. Chosen by hand, from an empty quadricycle to a lorry."""
 LOAD_CHOICE_KEYS = ("load", "correction_load")
 """Keys of the table `use` of a vehicle file: the load of the model and that of the steering correction."""
@@ -123,11 +123,11 @@ def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
     Raises:
         UsageError: An unknown or missing key, a wrong type, a value outside its range.
     """
-    known = ("name", *NUMBER_RANGES, "load_kg", "use")
+    known = ("name", *RANGE_AND_UNIT_BY_VEHICLE_KEY, "load_kg", "use")
     for key in table:
         if key not in known:
             raise _bad_key_error(where, key, "is unknown", ", ".join(known))
-    values = {key: _read_number(table, key, where) for key in NUMBER_RANGES}
+    values = {key: _read_number(table, key, where) for key in RANGE_AND_UNIT_BY_VEHICLE_KEY}
     loads = _read_loads_kg(table.get("load_kg"), where)
     use = table.get("use", {})
     if not isinstance(use, Mapping):
@@ -167,7 +167,7 @@ def _read_vehicle_text_and_name(source: str | Path) -> tuple[str, str]:
 
 def _read_number(table: Mapping[str, Any], key: str, where: str) -> float:
     """The checked number under a key, or its default if the key may be missing."""
-    low, high, unit = NUMBER_RANGES[key]
+    low, high, unit = RANGE_AND_UNIT_BY_VEHICLE_KEY[key]
     permitted = f"{low:g} to {high:g} {unit}"
     if key not in table:
         if key in OPTIONAL_KEY_DEFAULTS:
@@ -180,7 +180,7 @@ def _read_loads_kg(table: Any, where: str) -> dict[str, float]:
     """The checked mass of each load, kg."""
     if not isinstance(table, Mapping) or not table:
         raise _bad_key_error(where, "load_kg", "is missing or empty", "a table of names and masses")
-    low, high = MASS_RANGE_KG
+    low, high = LOADED_CAR_MASS_RANGE_KG
     permitted = f"{low:g} to {high:g} kg"
     return {
         str(name): _require_number_in_range(mass, low, high, where, f"load_kg.{name}", permitted)

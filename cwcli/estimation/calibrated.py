@@ -14,7 +14,7 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, Constant, ConstantStatus
 from cwcli.estimation.imu import ImuMounting
-from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, is_reference_of_each_series
+from cwcli.estimation.latency import MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus, is_reference_of_each_series
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
 from cwcli.estimation.parameter import Parameter, ParameterStatus
@@ -206,7 +206,7 @@ def fuse_latencies_with_calibration_and_note(
             latencies.append(known)
             continue
         sigma_s = math.hypot(latency.sigma_s, reference.sigma_in_another_drive)
-        is_contradicted = abs(own_s - known.found_s) > SIGNIFICANT_SIGMAS * math.hypot(sigma_s, known.sigma_s)
+        is_contradicted = abs(own_s - known.found_s) > MIN_SIGNIFICANT_SIGMAS * math.hypot(sigma_s, known.sigma_s)
         if is_contradicted:
             notes.append(
                 f"{s.source}: {s.kind.name.lower()} is late by {_format_value_and_sigma_ms(own_s, sigma_s)} in this "
@@ -237,7 +237,7 @@ def bias_contradiction_notes(s: SensorSeries, bias: float, sigma: float, calibra
     """Return a note if the bias found in the log differs significantly from that of the calibration."""
     constant = calibration.find_constant_or_unknown(s.source, s.kind, "bias")
     allowed = (
-        SIGNIFICANT_SIGMAS * math.hypot(sigma, constant.sigma_in_another_drive) if constant.has_value else math.inf
+        MIN_SIGNIFICANT_SIGMAS * math.hypot(sigma, constant.sigma_in_another_drive) if constant.has_value else math.inf
     )
     if not abs(bias - constant.value) > allowed:
         return []

@@ -9,13 +9,13 @@ import numpy as np
 from cwcli.estimation.calibrated import apply_calibrated_noise_and_empty_unknown, calibrated_imu_mountings
 from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES, SIGNIFICANT_SIGMAS, Latency, LatencyStatus
+from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES, MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.lever_arms import set_given_lever_arms
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements_and_note, earliest_stamp_ns
-from cwcli.estimation.score import GATE_PROBABILITY, is_prediction_clearly_better, row_log_likelihoods
+from cwcli.estimation.score import INNOVATION_CAP_PROBABILITY, is_prediction_clearly_better, row_log_likelihoods
 from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
@@ -99,7 +99,7 @@ def _empty_series_unknown_to_calibration(
 
 def _tune_and_predict_log(prepared: Sequence[PreparedSeries], config: EstimatorConfig) -> _PredictedLog:
     tuned = tune_latencies_and_noise(prepared, config, MotionParameters())
-    series = [replace(s, gate_nis=nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row)) for s in tuned.series]
+    series = [replace(s, gate_nis=nis_gate_limit(INNOVATION_CAP_PROBABILITY, s.n_values_per_row)) for s in tuned.series]
     start = find_start_with_parameter_states(series, tuned.prior, causal=True)
     start.state[N_MOTION_STATES:] = tuned.mean[N_MOTION_STATES:]
     result = run_filter_pass(series, start, tuned.motion, np.zeros(0), smooth=False, reset_after=config.reset_after)
@@ -139,7 +139,7 @@ def _contradiction_texts(own: _PredictedLog, calibrated: _PredictedLog, calibrat
             f"calibrated: {1e3 * used.applied_s:.0f} +- {1e3 * known.sigma_in_another_drive:.0f} ms"
         )
         differences.append((off, text))
-    texts = [text for off, text in sorted(differences, reverse=True) if off > SIGNIFICANT_SIGMAS]
+    texts = [text for off, text in sorted(differences, reverse=True) if off > MIN_SIGNIFICANT_SIGMAS]
     for found_series, used_series in zip(own.tuned.series, calibrated.tuned.series, strict=True):
         sigma, of_car = _root_mean_square_noise_sigma(found_series), _root_mean_square_noise_sigma(used_series)
         if (

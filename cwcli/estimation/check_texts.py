@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from cwcli.estimation.measurements import Kind
 
-UNITS_PER_MPS = {3.6: "km/h", 2.2369: "miles/h", 1.9438: "knots", 3.2808: "feet/s", 100.0: "cm/s"}
+UNIT_NAME_BY_SIZE_OF_1_MPS = {3.6: "km/h", 2.2369: "miles/h", 1.9438: "knots", 3.2808: "feet/s", 100.0: "cm/s"}
 """Size of 1 m/s in other units of speed -> name of the unit (NIST SP 811)."""
 UNIT_RATIO_TOLERANCE = 0.04
 """Relative difference up to which a ratio suggests a unit. Chosen for worn tyres and noise; not fitted."""
@@ -82,7 +82,11 @@ def _distance_contradiction_text(who: Kind, against: Kind, distance_ratio: float
     else:
         ratio_text = f"its way is {distance_ratio:.2f} times as long"
     unit = next(
-        (name for factor, name in UNITS_PER_MPS.items() if abs(distance_ratio / factor - 1.0) < UNIT_RATIO_TOLERANCE),
+        (
+            name
+            for factor, name in UNIT_NAME_BY_SIZE_OF_1_MPS.items()
+            if abs(distance_ratio / factor - 1.0) < UNIT_RATIO_TOLERANCE
+        ),
         "",
     )
     return f"{ratio_text}, as if {unit} were taken for m/s" if unit and who is not Kind.POSITION else ratio_text

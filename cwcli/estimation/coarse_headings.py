@@ -15,11 +15,11 @@ from cwcli.estimation.repeated_rows import quantisation_step_or_zero_or_infinity
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
-MIN_COARSE_STEP_RAD = math.radians(3.0)
+MIN_COARSE_HEADING_STEP_RAD = math.radians(3.0)
 """Least step of a heading that counts as coarse, rad. Chosen by hand: finer ones err by less than a compass does."""
-MAX_UNCHANGED_RAD = 1e-6
+MAX_DIFFERENCE_OF_SAME_HEADING_RAD = 1e-6
 """Greatest difference of two headings that are the same, rad: rounding of numbers."""
-MAX_CHANGE_DURATION_S = 1.0
+MAX_HEADING_CHANGE_DURATION_S = 1.0
 """Longest time between the two rows of a change, s: a car turns by 30 degrees in it. Chosen by hand."""
 
 
@@ -50,12 +50,12 @@ def find_coarse_headings(time_s: FloatArray, heading_rad: FloatArray) -> CoarseH
     """Return the changes of headings (n,) at times (n,) that are rounded to coarse steps; None where they are fine."""
     change_rad = np.diff(heading_rad)
     change_rad = (change_rad + math.pi) % (2.0 * math.pi) - math.pi
-    step_rad = quantisation_step_or_zero_or_infinity(np.abs(change_rad), MAX_UNCHANGED_RAD)
-    if not math.isfinite(step_rad) or step_rad < MIN_COARSE_STEP_RAD:
+    step_rad = quantisation_step_or_zero_or_infinity(np.abs(change_rad), MAX_DIFFERENCE_OF_SAME_HEADING_RAD)
+    if not math.isfinite(step_rad) or step_rad < MIN_COARSE_HEADING_STEP_RAD:
         return None
     duration_s = np.diff(time_s)
-    is_one_step = (np.abs(change_rad) > MAX_UNCHANGED_RAD) & (np.abs(change_rad) < 1.5 * step_rad)
-    rows = np.flatnonzero(is_one_step & (duration_s <= MAX_CHANGE_DURATION_S))
+    is_one_step = (np.abs(change_rad) > MAX_DIFFERENCE_OF_SAME_HEADING_RAD) & (np.abs(change_rad) < 1.5 * step_rad)
+    rows = np.flatnonzero(is_one_step & (duration_s <= MAX_HEADING_CHANGE_DURATION_S))
     return CoarseHeadings(
         step_rad,
         time_s[rows] + 0.5 * duration_s[rows],

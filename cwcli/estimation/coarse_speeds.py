@@ -15,18 +15,18 @@ from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.repeated_rows import quantisation_step_or_zero_or_infinity
 from cwcli.lazy_dataclass import replace
 
-MIN_COARSE_STEP_MPS = 0.6
+MIN_COARSE_SPEED_STEP_MPS = 0.6
 """Least step of a speed that counts as coarse, m/s: above 2 km/h and 1 mile/h. Chosen by hand: beside fixes a finer one
 errs by less than its wheels do."""
-MAX_UNCHANGED_MPS = 1e-3
+MAX_DIFFERENCE_OF_SAME_SPEED_MPS = 1e-3
 """Greatest difference of two speeds that are the same, m/s: rounding of numbers."""
-MAX_CHANGE_DURATION_S = 1.0
+MAX_SPEED_CHANGE_DURATION_S = 1.0
 """Longest time between the two rows of a change, s. Chosen as for headings."""
 
 CREEP_TIME_BESIDE_STANDSTILL_S = 2.0
 """Time before and after a standstill in which the rounded speed is zero and the car may move, s. Chosen by hand: it
 passes half a step in it."""
-MIN_NOISE_IN_STEPS = 0.1
+MIN_SPEED_CHANGE_NOISE_IN_STEPS = 0.1
 """Least noise of a change, in steps: the speed's own noise moves the change. Chosen by hand; not fitted."""
 
 
@@ -39,23 +39,27 @@ def keep_changes_and_standstills_of_coarse_speeds_and_note(
     for p in prepared:
         s = p.series
         change = np.diff(s.values[:, 0]) if s.kind is Kind.SPEED and not s.is_exact else np.zeros(0)
-        step_mps = quantisation_step_or_zero_or_infinity(np.abs(change), MAX_UNCHANGED_MPS) if len(change) else 0.0
-        if not MIN_COARSE_STEP_MPS <= step_mps < np.inf:
+        step_mps = (
+            quantisation_step_or_zero_or_infinity(np.abs(change), MAX_DIFFERENCE_OF_SAME_SPEED_MPS)
+            if len(change)
+            else 0.0
+        )
+        if not MIN_COARSE_SPEED_STEP_MPS <= step_mps < np.inf:
             found.append(p)
             continue
-        is_one_step = (np.abs(change) > MAX_UNCHANGED_MPS) & (np.abs(change) < 1.5 * step_mps)
-        is_one_step &= np.diff(s.time_s) <= MAX_CHANGE_DURATION_S
+        is_one_step = (np.abs(change) > MAX_DIFFERENCE_OF_SAME_SPEED_MPS) & (np.abs(change) < 1.5 * step_mps)
+        is_one_step &= np.diff(s.time_s) <= MAX_SPEED_CHANGE_DURATION_S
         values, time_s = s.values.copy(), s.time_s.copy()
         rows = np.flatnonzero(is_one_step) + 1
         values[rows, 0] -= 0.5 * change[rows - 1]
         time_s[rows] = 0.5 * (s.time_s[rows] + s.time_s[rows - 1])
-        moving_s = s.time_s[np.abs(s.values[:, 0]) > MAX_UNCHANGED_MPS]
+        moving_s = s.time_s[np.abs(s.values[:, 0]) > MAX_DIFFERENCE_OF_SAME_SPEED_MPS]
         near = np.searchsorted(moving_s, s.time_s - CREEP_TIME_BESIDE_STANDSTILL_S) < np.searchsorted(
             moving_s, s.time_s + CREEP_TIME_BESIDE_STANDSTILL_S
         )
         is_used = ~near
         is_used[rows] = True
-        floor = max(s.floor, MIN_NOISE_IN_STEPS * step_mps)
+        floor = max(s.floor, MIN_SPEED_CHANGE_NOISE_IN_STEPS * step_mps)
         noise = np.maximum(s.noise, [floor**2, 0.0, 0.0])
         series = replace(s, time_s=time_s, values=values, noise=noise, floor=floor)
         found.append(replace(p, series=series.select_rows(is_used)))

@@ -23,7 +23,7 @@ MAX_LEVER_ARM_AHEAD_M, MAX_LEVER_ARM_LEFT_M = 20.0, 5.0
 """Greatest lever arm ahead and to the left that is accepted, m. Chosen beyond the size of any lorry; not fitted."""
 MS_PER_S = 1000.0
 """Milliseconds in a second."""
-MAX_LATENCY_S = 3600.0
+MAX_LATENCY_OPTION_S = 3600.0
 """Greatest latency that is accepted as an option, s. Chosen to catch values in a wrong unit."""
 
 
@@ -40,7 +40,7 @@ def parse_latency_option(entries: Sequence[str]) -> LatencyOption:
 
     def parse_ms(text: str) -> float | None:
         latency_s = parse_float_or_nan(text.removesuffix("ms")) / MS_PER_S
-        return latency_s if abs(latency_s) <= MAX_LATENCY_S else None
+        return latency_s if abs(latency_s) <= MAX_LATENCY_OPTION_S else None
 
     return parse_values_by_name("--latency", entries, parse_ms, "auto, none or NAME=MS", "/gps/fix=80")
 

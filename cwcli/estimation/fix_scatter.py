@@ -28,7 +28,7 @@ the greatest one."""
 MIN_CLEAR_EXCESS, EXCESS_SIGMAS = 0.15, 4.0
 """Least share by which noise is clearly larger than the scatter, and least excess in sigmas of the ratio, which is
 1 / sqrt(n) for n rows. Chosen by hand: the greatest ratio in simulated drives without a fault is 1.1, of 181 rows."""
-ROUNDING_SIGMA_IN_STEPS = 12.0**-0.5
+ROUNDING_ERROR_SIGMA_IN_STEPS = 12.0**-0.5
 """One sigma of the error of a rounded value, in steps: that of a uniform distribution."""
 MIN_LASTING_ERROR_BY_KIND: Mapping[Kind, float] = {
     Kind.POSITION: 1.5,
@@ -44,7 +44,7 @@ noise of the kind in `QUANTITIES`."""
 DOUBTED_SHARE_OF_LASTING_ERROR = 0.25
 """Least lasting error that raises a doubt, as a share of those of `MIN_LASTING_ERROR_BY_KIND`. Chosen by hand: as much
 as a car's place is off by half a degree of heading in 4 s."""
-DOUBTED_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
+KINDS_WITH_LASTING_ERROR_DOUBT = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
 """Kinds whose lasting errors raise a doubt. The velocity of a receiver is smoothed, so its errors always last."""
 
 
@@ -57,7 +57,7 @@ def noise_sigma_from_scatter_about_neighbours(s: SensorSeries) -> float:
     if len(s) < 3:
         return math.nan
     x = np.unwrap(s.values[:, :1], axis=0) if s.kind is Kind.HEADING else s.values[:, : s.n_values_per_row]
-    return max(scatter_about_neighbours(x), ROUNDING_SIGMA_IN_STEPS * max(s.coarse_steps_m))
+    return max(scatter_about_neighbours(x), ROUNDING_ERROR_SIGMA_IN_STEPS * max(s.coarse_steps_m))
 
 
 def scatter_about_neighbours(values: FloatArray) -> float:
@@ -94,7 +94,7 @@ def lasting_sigma(report: SourceReport) -> float:
 
 def do_errors_raise_doubt(report: SourceReport) -> bool:
     """Whether errors of a source that last are large enough to doubt that all sources are right."""
-    return report.kind in DOUBTED_KINDS and lasting_sigma(report) > (
+    return report.kind in KINDS_WITH_LASTING_ERROR_DOUBT and lasting_sigma(report) > (
         DOUBTED_SHARE_OF_LASTING_ERROR * MIN_LASTING_ERROR_BY_KIND[report.kind]
     )
 

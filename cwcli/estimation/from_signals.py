@@ -28,7 +28,7 @@ from cwcli.signals.units import NS_PER_S
 
 MAX_LISTED_ID_CHANGES = 5
 """Greatest number of id changes that a note lists; chosen for short notes."""
-MAX_OUTPUT_STATES = 20_000_000
+MAX_EGO_STATES = 20_000_000
 """Greatest number of ego states. Chosen so that a wrong stamp ends as an error and does not exhaust the memory."""
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
@@ -237,7 +237,7 @@ def ego_output_stamps_ns(measurements: Sequence[Measurements], rate_hz: float, m
     last_ns = max(int(m.stamp_ns[-1]) for m in measurements if len(m) and int(m.stamp_ns[0]) <= last_ns)
     step_ns = round(NS_PER_S / rate_hz)
     n = (last_ns - first_ns) // step_ns + 1
-    if n > MAX_OUTPUT_STATES:
+    if n > MAX_EGO_STATES:
         raise DataError(
             f"the measurements span {(last_ns - first_ns) / NS_PER_S:.0f} s, {n} states at {rate_hz:g} Hz",
             where=measurements[0].source,

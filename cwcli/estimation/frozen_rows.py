@@ -14,7 +14,7 @@ from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, ValueRow
 MIN_MOVING_SPEED_MPS = 3.0
 """Least mean speed in m/s, by the fixes, of a car that surely moves, so that a repeated zero is a fault. Chosen by
 hand."""
-MIN_HELD_FIXES = 4
+MIN_REPETITIONS_OF_HELD_FIX = 4
 """Least number of repetitions of a fix that is held. Chosen by hand: a receiver once a second that holds for 4 s."""
 MAX_HELD_FIX_CHANGE_M = 1e-3
 """Greatest change in m, east or north, of a fix that is held: a height that goes on moves the place in the map by less.
@@ -29,7 +29,7 @@ MOTION_CHECK_S = 1.0
 """Time before and after a rest, s, in which a car that did not stand moves. Chosen by hand: a car stops more slowly."""
 MAX_JUMP_STEP_TO_USUAL = 3.0
 """Longest step, in usual ones, in which the fixes jump to where the car is. Chosen by hand: behind a pause they may."""
-MIN_SATURATED_ROWS = 5
+MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
 MAX_SMOOTH_DIFFERENCE_RATIO = 0.5
 """Greatest ratio of the summed absolute second differences of a signal without noise to its summed absolute first
@@ -102,7 +102,9 @@ def _held_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
     """
     is_held = np.zeros(len(time_s), np.bool_)
     same = np.abs(np.diff(fixes_m, axis=0)).max(axis=1) <= MAX_HELD_FIX_CHANGE_M
-    for begin, end in _begin_and_end_of_true_stretches(same, MIN_HELD_FIXES):  # rows begin .. end are one fix
+    for begin, end in _begin_and_end_of_true_stretches(
+        same, MIN_REPETITIONS_OF_HELD_FIX
+    ):  # rows begin .. end are one fix
         if end + 1 < len(time_s) and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             way_m = float(np.hypot(*(fixes_m[end + 1] - fixes_m[begin])))
             is_held[begin + 1 : end + 1] = way_m > MIN_MOVING_SPEED_MPS * (time_s[end + 1] - time_s[begin])
@@ -204,7 +206,7 @@ def _saturated_gyroscope_mask(values: FloatArray) -> BoolArray:
     for column in values[:, 3:].T:
         for limit in (column.max(), column.min()):
             at_end = column == limit
-            if MIN_SATURATED_ROWS <= at_end.sum() < 0.5 * len(column):
-                for begin, end in _begin_and_end_of_true_stretches(at_end, MIN_SATURATED_ROWS):
+            if MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS <= at_end.sum() < 0.5 * len(column):
+                for begin, end in _begin_and_end_of_true_stretches(at_end, MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS):
                     saturated[begin:end] = True
     return saturated

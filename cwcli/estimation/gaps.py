@@ -18,7 +18,7 @@ one without a gyroscope it starts anew.
 Chosen: a car may turn by half a radian in it (`start.UNMEASURED_TURN_SIGMA_RADPS`)."""
 MAX_GYROSCOPE_GAP_S = 0.5
 """Longest gap of a gyroscope, s, in which the yaw rate counts as measured. Chosen by hand; not fitted."""
-MIN_MOVEMENT_SIGMAS = 5.0
+MIN_MOVEMENT_ACROSS_GAP_SIGMAS = 5.0
 """Least difference of the positions across a gap, in sigmas, at which the car counts as moved. Chosen by hand; not
 fitted."""
 HEADING_EVIDENCE_KINDS = (Kind.POSITION, Kind.VELOCITY, Kind.HEADING)
@@ -77,7 +77,7 @@ def _has_position_changed_between(series: Sequence[SensorSeries], begin_s: float
             last = max(int(np.searchsorted(time, begin_s, side="right")) - 1, 0)
             sigma = float(np.sqrt(max(median_of_finite_values(s.noise[:, 0]), median_of_finite_values(s.noise[:, 2]))))
             if float(np.hypot(*(s.values[first] - s.values[last]))) > max(
-                MIN_DISPLACEMENT_M, MIN_MOVEMENT_SIGMAS * sigma
+                MIN_DISPLACEMENT_M, MIN_MOVEMENT_ACROSS_GAP_SIGMAS * sigma
             ):
                 return True
     return False

@@ -10,13 +10,13 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import AccelGyroRows, FloatArray, median_of_values
 
-MIN_GRAVITY_MPS2 = 5.0
+MIN_MEAN_SPECIFIC_FORCE_OF_GRAVITY_MPS2 = 5.0
 """Least mean specific force that is taken for gravity, m/s^2; chosen as about half of it."""
-N_MOUNTING_BLOCKS = 10
+N_BLOCKS_FOR_MOUNTING_SIGMA = 10
 """Number of parts of a log whose scatter gives the sigma of the mounting; chosen by hand."""
-INTERPOLATION_WINDOW_SAMPLES = 15
+INTERPOLATED_IMU_WINDOW_SAMPLES = 15
 """Number of consecutive samples in which most must lie on a straight line to count as interpolated; chosen by hand."""
-MIN_STEADY_TURN_RADPS = 0.1
+MIN_MEAN_TURN_RATE_OF_CIRCLING_RADPS = 0.1
 """Least mean turn rate of a vehicle that drives in circles, rad/s: twice the bias of a phone's gyroscope."""
 MAX_INTERPOLATED_CURVATURE_RATIO = 0.02
 """Greatest curvature of an interpolated sample, relative to the median curvature of the signal; chosen by hand."""
@@ -51,9 +51,11 @@ class ImuMounting:
         force = _remove_turning_from_specific_force(force, gyro)
         up = force.mean(axis=0) if len(force) else np.zeros(3)
         norm = float(np.linalg.norm(up))
-        if not (norm > MIN_GRAVITY_MPS2 and up[2] > 0.5 * norm):
+        if not (norm > MIN_MEAN_SPECIFIC_FORCE_OF_GRAVITY_MPS2 and up[2] > 0.5 * norm):
             return None
-        parts = [part.mean(axis=0)[:2] / norm for part in np.array_split(force, N_MOUNTING_BLOCKS) if len(part)]
+        parts = [
+            part.mean(axis=0)[:2] / norm for part in np.array_split(force, N_BLOCKS_FOR_MOUNTING_SIGMA) if len(part)
+        ]
         sigma_rad = float(np.mean(np.std(parts, axis=0, ddof=1))) / len(parts) ** 0.5 if len(parts) > 1 else np.nan
         return cls(float(np.arcsin(up[0] / norm)), float(np.arctan2(up[1], up[2])), sigma_rad)
 
@@ -66,7 +68,7 @@ class ImuMounting:
         """
         gravity = float(force @ axis)
         up = axis * math.copysign(1.0, gravity)
-        if not (abs(gravity) > MIN_GRAVITY_MPS2 and up[2] > 0.5):
+        if not (abs(gravity) > MIN_MEAN_SPECIFIC_FORCE_OF_GRAVITY_MPS2 and up[2] > 0.5):
             return None
         nose_up = min(max(float(force[0]) / abs(gravity), -1.0), 1.0)
         return cls(math.asin(nose_up), math.atan2(float(up[1]), float(up[2])))
@@ -154,7 +156,7 @@ def find_steady_turn_axis(gyro: FloatArray) -> FloatArray | None:
         return None
     mean = gyro.mean(axis=0)
     rate = float(np.linalg.norm(mean))
-    if rate < MIN_STEADY_TURN_RADPS or rate**2 < float(gyro.var(axis=0).sum()):
+    if rate < MIN_MEAN_TURN_RATE_OF_CIRCLING_RADPS or rate**2 < float(gyro.var(axis=0).sum()):
         return None
     return np.asarray(mean / rate)
 
@@ -202,7 +204,7 @@ def interpolated_sample_mask(time_s: FloatArray, values: FloatArray) -> npt.NDAr
     """
     n = len(time_s)
     none = np.zeros(n, bool)
-    if n < 4 * INTERPOLATION_WINDOW_SAMPLES:
+    if n < 4 * INTERPOLATED_IMU_WINDOW_SAMPLES:
         return none
     step = np.diff(time_s)
     slope = np.diff(values, axis=0) / np.maximum(step, 1e-9)[:, None]
@@ -215,5 +217,5 @@ def interpolated_sample_mask(time_s: FloatArray, values: FloatArray) -> npt.NDAr
     straight[1:-1] = (curvature[:, axes] < MAX_INTERPOLATED_CURVATURE_RATIO * usual[axes]).all(axis=1)
     if straight.mean() > 0.5:
         return none
-    near = np.convolve(straight, np.ones(INTERPOLATION_WINDOW_SAMPLES), mode="same")
-    return near > INTERPOLATION_WINDOW_SAMPLES // 2
+    near = np.convolve(straight, np.ones(INTERPOLATED_IMU_WINDOW_SAMPLES), mode="same")
+    return near > INTERPOLATED_IMU_WINDOW_SAMPLES // 2

@@ -14,8 +14,8 @@ import numpy as np
 
 from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.imu import (
-    ACCEL_UNITS,
-    GYRO_UNITS,
+    ACCEL_UNIT_HYPOTHESES,
+    GYRO_UNIT_HYPOTHESES,
     SIGN_HYPOTHESES,
     axes_hypothesis,
     signed_axis_rotations,
@@ -25,7 +25,7 @@ from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.source_hypotheses import (
     LOG_LIKELIHOOD_COST_OF_SECOND_FAULT,
-    MAX_UNIT_ERROR,
+    MAX_WAY_RATIO_ERROR,
     MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS,
     MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
     step_motions_and_edges_for_evidence,
@@ -43,15 +43,15 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import AccelGyroRows, FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-GRAVITY_NORM_RANGE = (0.8, 1.2)
+SPECIFIC_FORCE_OVER_GRAVITY_RANGE = (0.8, 1.2)
 """Range of the mean specific force relative to gravity in the right unit: bends and slopes change it by less. Chosen by
 hand; not fitted."""
-GRAVITY_SHARE_SIGMA = 0.05
+SPECIFIC_FORCE_OVER_GRAVITY_SIGMA = 0.05
 """One sigma of the mean specific force relative to gravity: bends, and an accelerometer's scale of 3 %. Chosen by hand;
 not fitted."""
-MAX_REMOVED_GRAVITY_SHARE = 0.3
+MAX_SPECIFIC_FORCE_OVER_GRAVITY_IF_REMOVED = 0.3
 """Greatest mean specific force relative to gravity where gravity was removed. Chosen by hand; not fitted."""
-TILT_SIGMA_RAD = math.radians(20.0)
+IMU_TILT_SIGMA_RAD = math.radians(20.0)
 """One sigma of the tilt of an IMU against the axes of the car: phones in a holder. Chosen by hand; not fitted."""
 MIN_GRAVITY_LOG_LIKELIHOOD = -30.0
 """Least log-likelihood of gravity: an impossible one, but no more than thirty clear steps of motion can outweigh.
@@ -59,7 +59,7 @@ Chosen by hand; not fitted."""
 REMOVED_GRAVITY_LOG_LIKELIHOOD = -15.0
 """Log-likelihood that gravity was removed. Chosen between an upright IMU (0) and an impossible one: with gravity in one
 unit, another unit in which it were removed is unlikely."""
-SIGNED_AXES = (1, 2, 3, -1, -2, -3)
+SIGNED_IMU_AXES = (1, 2, 3, -1, -2, -3)
 """The axes x, y and z of an IMU in both directions."""
 
 
@@ -111,8 +111,8 @@ class _ImuFault:
     def to_hypothesis(self) -> Hypothesis | None:
         """Return the combination as one hypothesis; None without a fault."""
         parts = [
-            *([ACCEL_UNITS[self.accel_unit - 1]] if self.accel_unit else []),
-            *([GYRO_UNITS[self.gyro_unit - 1]] if self.gyro_unit else []),
+            *([ACCEL_UNIT_HYPOTHESES[self.accel_unit - 1]] if self.accel_unit else []),
+            *([GYRO_UNIT_HYPOTHESES[self.gyro_unit - 1]] if self.gyro_unit else []),
             *([SIGN_HYPOTHESES[0]] if self.accel_sign < 0 else []),
             *([SIGN_HYPOTHESES[1]] if self.gyro_sign < 0 else []),
             *([axes_hypothesis(*self.axes)] if self.axes != (1, 2, 3) else []),
@@ -141,8 +141,8 @@ def find_imu_unit_sign_or_axis_fault(
     integral = np.column_stack([means_between_edges(time_s, column, edges_s) for column in integrals])
     rate[~known] = integral[~known] = np.nan
     change = np.diff(integral, axis=0)
-    gyro_units = [1.0, *(each.matrix[3][3] for each in GYRO_UNITS)]
-    accel_units = [1.0, *(each.matrix[0][0] for each in ACCEL_UNITS)]
+    gyro_units = [1.0, *(each.matrix[3][3] for each in GYRO_UNIT_HYPOTHESES)]
+    accel_units = [1.0, *(each.matrix[0][0] for each in ACCEL_UNIT_HYPOTHESES)]
     yaw = _log_likelihood_gains_over_nominal_axis_and_unit(
         change[:, 3:], gyro_units, 3, [m.turn_rad for m in motions], MIN_TURN_SIGMA_RAD, is_angle=True
     )
@@ -160,7 +160,7 @@ def find_imu_unit_sign_or_axis_fault(
     force = values[:, :3].mean(axis=0)
     gravity = {
         (axis, unit): _gravity_log_likelihood(force * factor, axis)
-        for axis, (unit, factor) in product(SIGNED_AXES, enumerate(accel_units))
+        for axis, (unit, factor) in product(SIGNED_IMU_AXES, enumerate(accel_units))
     }
     faults = [
         _ImuFault(
@@ -202,7 +202,7 @@ def _has_same_forward_axis(one: _ImuFault, other: _ImuFault, units: Sequence[flo
     ratio = units[one.accel_unit] / units[other.accel_unit]
     return (
         one.signed_forward_axis_and_unit[0] == other.signed_forward_axis_and_unit[0]
-        and abs(ratio - 1.0) < MAX_UNIT_ERROR
+        and abs(ratio - 1.0) < MAX_WAY_RATIO_ERROR
     )
 
 
@@ -246,7 +246,7 @@ def _log_likelihood_gains_over_nominal_axis_and_unit(
             found.append(StepResiduals(difference, floor))
         return found
 
-    keys = list(product(SIGNED_AXES, range(len(units))))
+    keys = list(product(SIGNED_IMU_AXES, range(len(units))))
     gains = log_likelihood_gains(residuals(nominal_axis, 1.0), [residuals(axis, units[unit]) for axis, unit in keys])
     return dict(zip(keys, gains, strict=True))
 
@@ -261,12 +261,14 @@ def _gravity_log_likelihood(force_mps2: FloatArray, up: int) -> float:
     """Return the log-likelihood that a mean specific force (3,) is gravity along an axis; 0 without gravity in it."""
     norm = float(np.linalg.norm(force_mps2))
     share = norm / STANDARD_GRAVITY_MPS2
-    if share < MAX_REMOVED_GRAVITY_SHARE:
+    if share < MAX_SPECIFIC_FORCE_OVER_GRAVITY_IF_REMOVED:
         return REMOVED_GRAVITY_LOG_LIKELIHOOD
-    if not GRAVITY_NORM_RANGE[0] < share < GRAVITY_NORM_RANGE[1]:
+    if not SPECIFIC_FORCE_OVER_GRAVITY_RANGE[0] < share < SPECIFIC_FORCE_OVER_GRAVITY_RANGE[1]:
         return MIN_GRAVITY_LOG_LIKELIHOOD
     tilt_rad = math.acos(
         max(-1.0, min(1.0, math.copysign(force_mps2[abs(up) - 1], up * force_mps2[abs(up) - 1]) / norm))
     )
-    log_likelihood = -0.5 * ((tilt_rad / TILT_SIGMA_RAD) ** 2 + ((share - 1.0) / GRAVITY_SHARE_SIGMA) ** 2)
+    log_likelihood = -0.5 * (
+        (tilt_rad / IMU_TILT_SIGMA_RAD) ** 2 + ((share - 1.0) / SPECIFIC_FORCE_OVER_GRAVITY_SIGMA) ** 2
+    )
     return max(MIN_GRAVITY_LOG_LIKELIHOOD, log_likelihood)

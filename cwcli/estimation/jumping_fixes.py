@@ -19,29 +19,29 @@ from cwcli.signals.columns import EastNorthRows, FloatArray
 MIN_JUMP_IN_DIFFERENCE_SIGMAS = 8.0
 """Least jump of fixes in sigmas of the difference of two fixes, by their scatter. Chosen by hand: both neighbouring
 steps must differ by it, which noise does once in 10^7 rows."""
-MIN_JUMP_M = 3.3
+MIN_FIX_JUMP_M = 3.3
 """Least jump of fixes, m: one sigma of the GPS Standard Positioning Service (2020; 8 m in 95 %)."""
-MAX_ACCELERATION_MPS2 = 12.0
+MAX_CAR_ACCELERATION_MPS2 = 12.0
 """Greatest change of speed in a second that a car makes, m/s^2; tyres hold no more."""
 MIN_STRETCH_S, MIN_FREQUENT_STRETCHES = 2.0, 10
 """Least duration of a stretch that is found, s: after it the gate believes a source again; and number of stretches from
 which on shorter ones are found, too. Chosen by hand."""
 MAX_STAMP_ERROR_S = 4.0 * STAMP_SIGMA_RANGE.high
 """Greatest error of a stamp, s, that moves a fix along the way; farther ones may count as frequent stretches."""
-MAX_GAP_S = 5.0
+MAX_FIX_INTERVAL_OF_JUMP_S = 5.0
 """Longest time between two fixes whose step may be a jump, s: in a longer one a car turns off. Chosen by hand."""
 MAX_CAR_SPEED_MPS = 100.0
 """Greatest speed by which a car gets from the fixes before a stretch to those after it, m/s."""
 MIN_FAR_JUMP_M = 100.0
 """Least jump, m, after which the way back need not be as long: reflections are shorter. Chosen by hand."""
-MAX_RETURN_ERROR = 0.5
+MAX_RETURN_JUMP_DIFFERENCE_SHARE = 0.5
 """Greatest difference of the jumps there and back, as a share of the smaller one. Chosen by hand; the car goes on."""
 
 SPEED_STEP_S, MIN_USUAL_SPEED_MPS = 1.0, 5.0
 """Time over which the usual speed is measured, s, and what is added to twice its median, m/s. Chosen by hand: in towns
 the greatest speed is not twice the median."""
 
-N_ROWS_OF_VELOCITY = 5
+N_STEPS_OF_VELOCITY_AFTER_WRONG_FIX = 5
 """Number of steps that give the velocity after a single wrong fix. Chosen by hand."""
 MAX_OUTLIER_SHARE_OF_JUMP = 0.6
 """Greatest step over a single wrong fix, as a share of the least jump: five sigma of noise. Chosen by hand."""
@@ -139,8 +139,8 @@ def _first_rows_after_jumps(time_s: FloatArray, values: EastNorthRows, bound: _C
         # A step is compared with a car that keeps the velocity of the step beside it.
         differs_m[one] = np.hypot(*(step_m[one] - velocity_mps[other] * step_s[one][:, None]).T)
         jump_m = np.minimum(jump_m, differs_m)
-    least_m = bound.least_jump_m + 0.5 * MAX_ACCELERATION_MPS2 * step_s**2
-    rows = np.flatnonzero((jump_m > least_m) & (step_s < MAX_GAP_S)) + 1
+    least_m = bound.least_jump_m + 0.5 * MAX_CAR_ACCELERATION_MPS2 * step_s**2
+    rows = np.flatnonzero((jump_m > least_m) & (step_s < MAX_FIX_INTERVAL_OF_JUMP_S)) + 1
     return rows[[not _is_half_of_outlier(time_s, values, rows, row, bound) for row in rows.tolist()]]
 
 
@@ -151,7 +151,7 @@ def _is_half_of_outlier(
     for wrong, other_side in ((row - 1, row - 1), (row, row + 1)):
         if other_side in rows or not 0 < wrong < len(time_s) - 1:
             continue
-        last = min(wrong + 1 + N_ROWS_OF_VELOCITY, len(time_s) - 1)
+        last = min(wrong + 1 + N_STEPS_OF_VELOCITY_AFTER_WRONG_FIX, len(time_s) - 1)
         if time_s[last] <= time_s[wrong + 1]:
             continue
         velocity = (values[last] - values[wrong + 1]) / (time_s[last] - time_s[wrong + 1])
@@ -174,17 +174,17 @@ def _leads_back(
     before, after = ordered[0], ordered[-1]
     way_m = float(np.hypot(*(values[begins[after]] - values[lasts[before]])))
     pause_s = float(time_s[begins[after]] - time_s[lasts[before]])
-    if pause_s < MAX_GAP_S:
+    if pause_s < MAX_FIX_INTERVAL_OF_JUMP_S:
         return way_m < bound.usual_speed_mps * pause_s + bound.least_jump_m
     if way_m > MAX_CAR_SPEED_MPS * pause_s:
         return False
     jump_away, back = (values[begins[b]] - values[lasts[a]] for a, b in ((before, ordered[1]), (ordered[-2], after)))
     least_m = min(float(np.hypot(*jump_away)), float(np.hypot(*back)))
-    return least_m > MIN_FAR_JUMP_M or float(np.hypot(*(jump_away + back))) < MAX_RETURN_ERROR * least_m
+    return least_m > MIN_FAR_JUMP_M or float(np.hypot(*(jump_away + back))) < MAX_RETURN_JUMP_DIFFERENCE_SHARE * least_m
 
 
 def _continuation_of_fixes(time_s: FloatArray, values: EastNorthRows, scatter_m: float) -> _Continuation:
     lag = max(1, int(np.searchsorted(time_s, time_s[0] + SPEED_STEP_S)))
     speeds_mps = np.hypot(*(values[lag:] - values[:-lag]).T) / np.maximum(time_s[lag:] - time_s[:-lag], 1e-3)
     usual_mps = 2.0 * (median_of_finite_values(speeds_mps) if len(speeds_mps) else 0.0) + MIN_USUAL_SPEED_MPS
-    return _Continuation(usual_mps, max(MIN_JUMP_IN_DIFFERENCE_SIGMAS * math.sqrt(2.0) * scatter_m, MIN_JUMP_M))
+    return _Continuation(usual_mps, max(MIN_JUMP_IN_DIFFERENCE_SIGMAS * math.sqrt(2.0) * scatter_m, MIN_FIX_JUMP_M))

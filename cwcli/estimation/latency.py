@@ -16,7 +16,7 @@ from cwcli.estimation.sensor_limits import LATENCY_RANGE
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
-SIGNIFICANT_SIGMAS = 3.0
+MIN_SIGNIFICANT_SIGMAS = 3.0
 """Least distance from zero, in sigmas, of a value that counts as significant. Chosen by hand; not fitted."""
 MAX_DRIFT_EXTRAPOLATION_S = 150.0
 """Time from the middle up to which a drift is extrapolated, s: half of the window of the search."""
@@ -123,7 +123,7 @@ def remove_latency_drift(series: SensorSeries, latency: Latency) -> SensorSeries
     )
 
 
-NO_LATENCY = Latency(LatencyStatus.OFF)
+UNSEARCHED_LATENCY = Latency(LatencyStatus.OFF)
 """Latency that was not searched."""
 
 
@@ -137,7 +137,7 @@ def latency_given_by_user(series: SensorSeries, config: EstimatorConfig) -> Late
 def latencies_known_without_search(series: Sequence[SensorSeries], config: EstimatorConfig) -> list[Latency | None]:
     """Return for each series its latency if it is the reference, given or not observable; None if it is to be found."""
     if config.latency == "none":
-        return [NO_LATENCY for _ in series]
+        return [UNSEARCHED_LATENCY for _ in series]
     roles: list[Latency | None] = []
     for s, is_reference in zip(series, is_reference_of_each_series(series), strict=True):
         if (given_latency_s := latency_given_by_user(s, config)) is not None:
@@ -145,7 +145,7 @@ def latencies_known_without_search(series: Sequence[SensorSeries], config: Estim
         elif is_reference:
             roles.append(Latency(LatencyStatus.REFERENCE))
         elif s.is_exact:
-            roles.append(NO_LATENCY)
+            roles.append(UNSEARCHED_LATENCY)
         elif len(s) < MIN_ROWS_FOR_NOISE:
             roles.append(Latency(LatencyStatus.NOT_OBSERVABLE))
         else:

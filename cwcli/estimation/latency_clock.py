@@ -12,11 +12,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus
+from cwcli.estimation.latency import MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.measurements import Kind
 from cwcli.lazy_dataclass import dataclass, replace
 
-MAX_DRIFT_DIFFERENCE = 0.2
+MAX_CLOCK_DRIFT_DIFFERENCE_SHARE = 0.2
 """Greatest difference of two drifts of one clock, as a share of the larger one. Chosen by hand: a drift of a latency is
 found to some percent."""
 
@@ -111,7 +111,7 @@ def _shift_latencies_to_mean_clock_and_note(
             )
         elif latency.status in (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT):
             found_s, both_s = latency.found_s - early_s, float(np.hypot(latency.sigma_s, sigma_s))
-            is_clear = abs(found_s) > SIGNIFICANT_SIGMAS * both_s
+            is_clear = abs(found_s) > MIN_SIGNIFICANT_SIGMAS * both_s
             status = LatencyStatus.APPLIED if is_clear else LatencyStatus.NOT_SIGNIFICANT
             shifted.append(replace(latency, status=status, found_s=found_s, sigma_s=both_s))
         else:
@@ -124,9 +124,9 @@ def _shift_latencies_to_mean_clock_and_note(
 
 def _do_latencies_agree(one: Latency, other: Latency) -> bool:
     """Whether two latencies are those of one clock: by their drifts, and by their values within sigma."""
-    if abs(one.drift - other.drift) > MAX_DRIFT_DIFFERENCE * max(abs(one.drift), abs(other.drift)):
+    if abs(one.drift - other.drift) > MAX_CLOCK_DRIFT_DIFFERENCE_SHARE * max(abs(one.drift), abs(other.drift)):
         return False
-    return abs(one.found_s - other.found_s) <= SIGNIFICANT_SIGMAS * float(np.hypot(one.sigma_s, other.sigma_s))
+    return abs(one.found_s - other.found_s) <= MIN_SIGNIFICANT_SIGMAS * float(np.hypot(one.sigma_s, other.sigma_s))
 
 
 def _agrees_with_reference_but_not_group(latency: Latency, group: Sequence[SourceLatency]) -> bool:

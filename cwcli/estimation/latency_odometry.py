@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus
+from cwcli.estimation.latency import MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.latency_evidence import LatencyEvidence
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
@@ -149,8 +149,8 @@ def latency_from_odometry(evidence: LatencyEvidence, other_sigma_s: float) -> La
     centre_s = evidence.centre_s
     at_zero = float((evidence.level - evidence.slope * centre_s + 0.5 * evidence.bend * centre_s**2).sum())
     gain = at_zero - evidence.cross_validated_neg_log_likelihood()
-    least_gain = 0.5 * (SIGNIFICANT_SIGMAS * scatter_s / bound_s) ** 2
-    is_clear = abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and gain > least_gain
+    least_gain = 0.5 * (MIN_SIGNIFICANT_SIGMAS * scatter_s / bound_s) ** 2
+    is_clear = abs(found_s) > MIN_SIGNIFICANT_SIGMAS * sigma_s and gain > least_gain
     status = LatencyStatus.APPLIED if is_clear else LatencyStatus.NOT_SIGNIFICANT
     return Latency(status, found_s, sigma_s, bound_s)
 

@@ -25,7 +25,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.latency import (
-    SIGNIFICANT_SIGMAS,
+    MIN_SIGNIFICANT_SIGMAS,
     Latency,
     LatencyStatus,
     is_reference_of_each_series,
@@ -56,9 +56,9 @@ LATENCY_GRID_STEP_S = 0.25
 """Step of the grid of latencies, s. Chosen finer than the manoeuvres that show one."""
 LATENCY_GRID_S = np.arange(-0.5, 2.01, LATENCY_GRID_STEP_S)
 """Grid of latencies that are tried, s; positive is late. Chosen by hand; not fitted."""
-PROBE_OFFSETS_S = (0.05, 0.1, 0.2, 0.4)
+LATENCY_PROBE_OFFSETS_S = (0.05, 0.1, 0.2, 0.4)
 """Distances from the likeliest latency at which a parabola is laid, s. Chosen by hand; not fitted."""
-LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * SIGNIFICANT_SIGMAS**2
+LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * MIN_SIGNIFICANT_SIGMAS**2
 """Fall of the log-likelihood at three sigma from its top."""
 MAX_OBSERVABLE_SIGMA_S = 0.05
 """Greatest standard deviation of a latency, s, with which a latency near 0 counts as found to be insignificant; with a
@@ -67,9 +67,9 @@ MAX_REPORTED_SIGMA_S = 0.1
 """Greatest bound of a latency, s, that is reported at all. Chosen by hand; not fitted."""
 IMU_AVERAGING_HZ = 25.0
 """Rate to which an IMU is averaged, Hz. Chosen for speed; not fitted."""
-COARSE_SEARCH_HZ = 10.0
+GRID_SEARCH_AVERAGING_HZ = 10.0
 """Rate to which frequent sources are averaged for the grid, Hz. Chosen for speed; not fitted."""
-SEARCH_WINDOW_S = 300.0
+MAX_SEARCHED_LOG_SPAN_S = 300.0
 """Longest span of a log that is searched, s. Chosen for speed; not fitted."""
 MAX_KERNEL_STATES = 24
 """Greatest number of states of the kernel; the slow error takes two."""
@@ -79,17 +79,17 @@ SLOW_ERROR_TIME_CONSTANTS_S = (1.0, 3.0, 10.0)
 """Time constants of slow errors that are tried, s. Chosen by hand; not fitted."""
 MIN_SLOW_ERROR_LIKELIHOOD_GAIN = 9.0
 """Least gain of log-likelihood of a slow error: 4.5 for each of its two parameters."""
-MAX_EVIDENCE_ITERATIONS = 4
+MAX_ITERATIONS_PER_PROBE_DISTANCE = 4
 """Greatest number of iterations at one probe distance. Chosen for speed; not fitted."""
 REFERENCE_LEAD_IN_S = 2.5
 """Time before the target's first row from which the reference is used, s: the longest latency and a little."""
 START_POSITION_SIGMA_M = 100.0
 """One sigma of the start's position, m. Chosen large, so that the first position does not count twice."""
-LOOSE_JERK_MPS3 = 20.0
+IMU_REFERENCE_JERK_SIGMA_MPS3 = 20.0
 """Jerk sigma with an IMU as reference, m/s^3. Chosen large, so that the state follows the IMU."""
-LOOSE_YAW_ACCEL_RADPS2 = 4.0
+IMU_REFERENCE_YAW_ACCEL_SIGMA_RADPS2 = 4.0
 """Yaw acceleration sigma with an IMU as reference, rad/s^2. Chosen large, so that the state follows the IMU."""
-SEARCH_SIDE_SLIP_M = 0.03
+SEARCH_POSITION_NOISE_M_PER_ROOT_S = 0.03
 """Position noise during the search, m per root s. Chosen below the filter's own: a latency needs a long memory."""
 
 
@@ -113,9 +113,9 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
     if any(s.bias_state >= 0 for s in reference):
         parameters = replace(
             parameters,
-            jerk_sigma_mps3=LOOSE_JERK_MPS3,
-            yaw_accel_sigma_radps2=LOOSE_YAW_ACCEL_RADPS2,
-            side_slip_m=SEARCH_SIDE_SLIP_M,
+            jerk_sigma_mps3=IMU_REFERENCE_JERK_SIGMA_MPS3,
+            yaw_accel_sigma_radps2=IMU_REFERENCE_YAW_ACCEL_SIGMA_RADPS2,
+            side_slip_m=SEARCH_POSITION_NOISE_M_PER_ROOT_S,
         )
     found = []
     n_searched, n_to_search = 0, len(predetermined) - len(decided)
@@ -171,7 +171,7 @@ class _LatencyLikelihoodProfile:
             - LIKELIHOOD_FALL_AT_THREE_SIGMA * (evidence.block_scatter_sigma_s / evidence.formal_sigma_s) ** 2
         )
         possible = (self.likelihood > least) & (away_s > LATENCY_GRID_STEP_S)
-        return float(away_s[possible].max(initial=0.0)) / SIGNIFICANT_SIGMAS
+        return float(away_s[possible].max(initial=0.0)) / MIN_SIGNIFICANT_SIGMAS
 
 
 @dataclass(frozen=True)
@@ -215,8 +215,8 @@ class _LatencySearch:
         """Try all latencies, with fewer rows of what comes often: enough to see where the likelihood is high."""
         coarse = replace(
             self,
-            target=average_rows_to_rate(self.target, COARSE_SEARCH_HZ),
-            reference=[average_rows_to_rate(s, COARSE_SEARCH_HZ) for s in self.reference],
+            target=average_rows_to_rate(self.target, GRID_SEARCH_AVERAGING_HZ),
+            reference=[average_rows_to_rate(s, GRID_SEARCH_AVERAGING_HZ) for s in self.reference],
         )
         target, likelihood, noise = coarse.target, [], []
         for latency_s in LATENCY_GRID_S.tolist():
@@ -306,7 +306,9 @@ class _LatencySearch:
         unknown = Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s, reach_s=float(np.hypot(found_s, sigma_s)))
         if not (bound_s < MAX_REPORTED_SIGMA_S and LATENCY_GRID_S[0] < found_s < LATENCY_GRID_S[-1]):
             return unknown
-        if abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts_better_than_zero_latency(target, evidence):
+        if abs(found_s) > MIN_SIGNIFICANT_SIGMAS * sigma_s and self._predicts_better_than_zero_latency(
+            target, evidence
+        ):
             return Latency(LatencyStatus.APPLIED, found_s, sigma_s, bound_s)
         if not bound_s < MAX_OBSERVABLE_SIGMA_S:
             return unknown
@@ -347,9 +349,9 @@ class _LatencySearch:
         rows come before others or after them, and a parabola would be sure where nothing is to be seen.
         """
         target, evidence = self.target, None
-        for probe_s in PROBE_OFFSETS_S:
+        for probe_s in LATENCY_PROBE_OFFSETS_S:
             evidence = None
-            for _ in range(MAX_EVIDENCE_ITERATIONS):
+            for _ in range(MAX_ITERATIONS_PER_PROBE_DISTANCE):
                 centre_s = target.latency_s
                 less, just, more = (
                     self._row_negative_log_likelihoods(replace(target, latency_s=latency_s))
@@ -366,15 +368,16 @@ class _LatencySearch:
                     break
                 moved_target = replace(target, latency_s=centre_s + float(np.clip(move_s, -probe_s, probe_s)))
                 target = self._match_noise_to_innovations(moved_target)
-            if evidence is not None and SIGNIFICANT_SIGMAS * evidence[1].formal_sigma_s <= probe_s:
+            if evidence is not None and MIN_SIGNIFICANT_SIGMAS * evidence[1].formal_sigma_s <= probe_s:
                 break
         return evidence
 
     def _predicts_better_than_zero_latency(self, target: SensorSeries, evidence: LatencyEvidence) -> bool:
         """Are the rows of each half predicted better with the latency that the other half says than with zero?
 
-        Better by `SIGNIFICANT_SIGMAS`, and zero is tried, not read off the parabolas, which hold near the latency only.
-        Both halves together: a latency that drifts may be wrong for one of them and still be far better than none.
+        Better by `MIN_SIGNIFICANT_SIGMAS`, and zero is tried, not read off the parabolas, which hold near the latency
+        only. Both halves together: a latency that drifts may be wrong for one of them and still be far better than
+        none.
         """
         with_zero = -self._log_likelihood_of_scored_rows(replace(target, latency_s=0.0))
         return with_zero - evidence.cross_validated_neg_log_likelihood() > LIKELIHOOD_FALL_AT_THREE_SIGMA
@@ -412,21 +415,21 @@ class _LatencySearch:
 def _begin_and_end_of_most_excited_window_s(
     series: Sequence[SensorSeries], reference: Sequence[SensorSeries]
 ) -> tuple[float, float]:
-    """Return the span of at most `SEARCH_WINDOW_S` in which the reference is most excited."""
+    """Return the span of at most `MAX_SEARCHED_LOG_SPAN_S` in which the reference is most excited."""
     rows = [s for s in reference if len(s) > 1]
     begin = min((float(s.time_s[0]) for s in series if len(s)), default=0.0)
     end = max((float(s.time_s[-1]) for s in series if len(s)), default=0.0)
-    if end - begin <= SEARCH_WINDOW_S or not rows:
+    if end - begin <= MAX_SEARCHED_LOG_SPAN_S or not rows:
         return begin, end
-    edges = np.arange(begin, end, SEARCH_WINDOW_S / 10)
+    edges = np.arange(begin, end, MAX_SEARCHED_LOG_SPAN_S / 10)
     energy = np.zeros(len(edges))
     for s in rows:
         value = s.values[:, 0] - median_of_values(s.values[:, 0])
-        slot = np.clip(((s.time_s - begin) / (SEARCH_WINDOW_S / 10)).astype(np.int64), 0, len(edges) - 1)
+        slot = np.clip(((s.time_s - begin) / (MAX_SEARCHED_LOG_SPAN_S / 10)).astype(np.int64), 0, len(edges) - 1)
         power = np.bincount(slot, weights=value**2, minlength=len(edges))
         energy += power / max(float(power.sum()), 1e-12)
     best = int(np.convolve(energy, np.ones(10), mode="valid").argmax()) if len(energy) >= 10 else 0
-    return float(edges[best]), float(edges[best]) + SEARCH_WINDOW_S
+    return float(edges[best]), float(edges[best]) + MAX_SEARCHED_LOG_SPAN_S
 
 
 def _cut_to_window_and_average_imu(s: SensorSeries, begin: float, end: float) -> SensorSeries:

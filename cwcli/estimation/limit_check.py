@@ -16,7 +16,7 @@ from cwcli.estimation.sensor_limits import (
     LATENCY_DRIFT_RANGE,
     LATENCY_RANGE,
     STAMP_SIGMA_RANGE,
-    WHITE_NOISE_RANGES,
+    WHITE_NOISE_RANGE_BY_KIND,
     YAW_RATE_BIAS_RANGE,
     ParameterRange,
     range_of_sensor_error,
@@ -138,12 +138,12 @@ def _iter_texts_on_exceeded_limits(report: SourceReport) -> Iterator[str]:
     if report.latency.status is LatencyStatus.CONTRADICTS:
         yield _exceeded_limit_text("a latency", report.latency.found_s, LATENCY_RANGE)
     if (
-        report.kind in WHITE_NOISE_RANGES
+        report.kind in WHITE_NOISE_RANGE_BY_KIND
         and report.noise_origin != "message"  # stated, and not found against another source
-        and not WHITE_NOISE_RANGES[report.kind].contains_or_is_nan(report.sigma)
+        and not WHITE_NOISE_RANGE_BY_KIND[report.kind].contains_or_is_nan(report.sigma)
         and report.n_used
     ):
-        yield _exceeded_limit_text("white noise", report.sigma, WHITE_NOISE_RANGES[report.kind])
+        yield _exceeded_limit_text("white noise", report.sigma, WHITE_NOISE_RANGE_BY_KIND[report.kind])
 
 
 def _is_used_beyond_limit(parameter: Parameter, limit: ParameterRange) -> bool:

@@ -17,7 +17,7 @@ from cwcli.estimation.trial import FilterTrials, cut_to_window, trial_key
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import median_of_values, sort_distinct_values
 
-AVERAGING_HZ = 10.0
+NOISE_AVERAGING_HZ = 10.0
 """Rate to which inertial series and speeds are averaged, Hz. Chosen: manoeuvres are slower."""
 MAX_WINDOW_ROWS_WITH_IMU = 30_000
 """Greatest number of rows in the window with an IMU. Chosen: about ten minutes of a drive."""
@@ -27,7 +27,7 @@ N_WINDOW_ROWS_ENOUGH_FOR_NOISE = 300
 """Number of rows in the window from which the whole log is not needed for the noise. Chosen by hand; not fitted."""
 MOTION_SIGMA_LOG_STEP = np.log(2.0)
 """Step of the parabola over a sigma of the motion, natural logarithm: half, once and twice the value are tried."""
-N_MATCHING_ROUNDS = 2
+N_INNOVATION_MATCHING_ROUNDS = 2
 """Number of rounds of innovation matching. Chosen by hand; not fitted."""
 CONVERGED_NOISE_FACTOR = 1.05
 """The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
@@ -91,7 +91,7 @@ def estimate_noise_and_manoeuvres(
         for s, w in zip(series, found.window, strict=True)
     )
     late = _drop_rows_long_before_first_position(settled)
-    for _ in range(N_MATCHING_ROUNDS if whole else 0):
+    for _ in range(N_INNOVATION_MATCHING_ROUNDS if whole else 0):
         result = FilterTrials().run_filter(replace(layout, series=late, parameters=parameters))
         change = [noise_variance_factor(s, nis) for s, nis in zip(late, result.nis, strict=True)]
         late = [s.scale_noise_variance(f) for s, f in zip(late, change, strict=True)]
@@ -115,7 +115,7 @@ def _fit_window(layout: StateLayout) -> WindowFit | None:
         return None
     trials, has_hint = FilterTrials(), (False,) * len(window)
     fit = NoiseFit(window, (1.0,) * len(window), layout.parameters)
-    for _ in range(N_MATCHING_ROUNDS):
+    for _ in range(N_INNOVATION_MATCHING_ROUNDS):
         result = trials.run_filter(fit.apply_to_layout(layout))
         has_hint = tuple(may_have_stamp_errors(s, nis) for s, nis in zip(fit.series, result.nis, strict=True))
         fit = _refit_noise_and_motion(trials, layout, fit, result)
@@ -196,7 +196,7 @@ def _cut_to_busiest_window(series: Sequence[SensorSeries]) -> list[SensorSeries]
     Without an IMU the window is short, and averages of a short one hide how fast the vehicle changes its speed.
     """
     has_imu = any(s.bias_state >= 0 for s in series)
-    series = [average_rows_to_rate(s, AVERAGING_HZ) if has_imu else s for s in series]
+    series = [average_rows_to_rate(s, NOISE_AVERAGING_HZ) if has_imu else s for s in series]
     total = sum(len(s) for s in series)
     most = MAX_WINDOW_ROWS_WITH_IMU if has_imu else MAX_WINDOW_ROWS_WITHOUT_IMU
     if total <= most:

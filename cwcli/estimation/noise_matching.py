@@ -13,7 +13,7 @@ MIN_ROWS_FOR_NOISE = 50
 """Least number of rows from which noise is estimated. Chosen by hand; not fitted."""
 MAX_NOISE_FACTOR_PER_CALL = 64.0
 """Greatest factor by which one call changes a noise variance. Chosen by hand; not fitted."""
-N_BISECTIONS = 16
+N_NOISE_FACTOR_BISECTIONS = 16
 """Number of bisections for the factor: it is exact to 64^(2 / 2^16)."""
 MAX_COUNTED_NIS = 9.0
 """Greatest squared normalised innovation that is counted: an outlier counts as three sigma."""
@@ -40,7 +40,12 @@ def noise_variance_factor(s: SensorSeries, nis: FloatArray, so_far: float | None
     nu2, prior = nis[:, 1], nis[:, 2]
     r = s.noise[:, 0] if s.n_values_per_row == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
     factor = matching_factor(
-        nu2, prior, np.ascontiguousarray(r), most=MAX_NOISE_FACTOR_PER_CALL, n_steps=N_BISECTIONS, limit=MAX_COUNTED_NIS
+        nu2,
+        prior,
+        np.ascontiguousarray(r),
+        most=MAX_NOISE_FACTOR_PER_CALL,
+        n_steps=N_NOISE_FACTOR_BISECTIONS,
+        limit=MAX_COUNTED_NIS,
     )
     if s.slow_state < 0:
         if s.noise_origin == "message":

@@ -13,17 +13,17 @@ from cwcli.estimation.median import median_of_finite_values
 from cwcli.signals.columns import AccelGyroRows, FloatArray, ValueRows, quantile_of_values
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-GRAVITY_RANGE_IN_G = (0.8, 1.2)
+MEAN_SPECIFIC_FORCE_RANGE_G = (0.8, 1.2)
 """Range of the mean specific force of an IMU that measures in g. Chosen by hand; not fitted."""
 MAX_GRAVITY_IN_ANY_UNIT = 1.2e3
 """Greatest mean specific force that gravity has in any unit: 1000 mg, and a fifth. Values beyond are the counts of a
 converter, such as 16384 for each g (InvenSense MPU-6050, range 2 g)."""
-MIN_VERTICAL_SHARE = 0.8
+MIN_VERTICAL_SPECIFIC_FORCE_SHARE = 0.8
 """Least share of the mean specific force along the vertical axis, so that it is gravity. Chosen by hand; not fitted."""
 MIN_UPRIGHT_SHARE, MAX_TILTED_SHARE = 0.6, 0.966
 """Shares of gravity along the z axis of an IMU that is tilted and not turned onto another axis: 53 to 15 degrees. Less
 than 15 degrees change the forward acceleration by 4 %; chosen by hand."""
-MAX_YAW_RATE_RADPS = 3.0
+MAX_PLAUSIBLE_YAW_RATE_RADPS = 3.0
 """Yaw rate that no car exceeds for a hundredth of a drive, rad/s. Chosen: in degrees every bend exceeds it."""
 MAX_CHANGE_PER_SECOND_BY_KIND = {Kind.POSITION: 100.0, Kind.VELOCITY: 12.0, Kind.SPEED: 12.0}
 """Greatest change per second of a position (m) and of velocity and speed (m/s). Chosen: tyres hold no more."""
@@ -51,14 +51,19 @@ def find_impossible_imu_values(values: AccelGyroRows) -> list[tuple[Hypothesis, 
     norm = float(np.linalg.norm(force))
     if norm > MAX_GRAVITY_IN_ANY_UNIT:
         return found
-    if GRAVITY_RANGE_IN_G[0] < norm < GRAVITY_RANGE_IN_G[1] and abs(force[2]) > MIN_VERTICAL_SHARE * norm:
+    if (
+        MEAN_SPECIFIC_FORCE_RANGE_G[0] < norm < MEAN_SPECIFIC_FORCE_RANGE_G[1]
+        and abs(force[2]) > MIN_VERTICAL_SPECIFIC_FORCE_SHARE * norm
+    ):
         found.append((_imu_hypothesis_by_name("g"), f"gravity reads {norm:.2f}"))
         norm *= STANDARD_GRAVITY_MPS2
-    if norm > 0.5 * STANDARD_GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SHARE * float(np.linalg.norm(force)):
+    if norm > 0.5 * STANDARD_GRAVITY_MPS2 and force[2] < -MIN_VERTICAL_SPECIFIC_FORCE_SHARE * float(
+        np.linalg.norm(force)
+    ):
         found.append((_imu_hypothesis_by_name("x,-y,-z"), "gravity points upward"))
     fast = quantile_of_values(np.abs(values[:, 5]), 0.99)
     for name, radps in (("degrees/s", np.radians(fast)), ("milliradians/s", 1e-3 * fast)):
-        if radps <= MAX_YAW_RATE_RADPS < fast:
+        if radps <= MAX_PLAUSIBLE_YAW_RATE_RADPS < fast:
             found.append((_imu_hypothesis_by_name(name), f"yaw rates reach {fast:.0f}"))
             break
     return found
@@ -76,7 +81,7 @@ def find_tilt_and_evidence(values: AccelGyroRows) -> tuple[Hypothesis, str] | No
     force = values[:, :3].mean(axis=0)
     share = float(np.linalg.norm(force)) / STANDARD_GRAVITY_MPS2
     upright = float(force[2]) / max(share * STANDARD_GRAVITY_MPS2, 1e-9)
-    is_gravity = GRAVITY_RANGE_IN_G[0] < share < GRAVITY_RANGE_IN_G[1]
+    is_gravity = MEAN_SPECIFIC_FORCE_RANGE_G[0] < share < MEAN_SPECIFIC_FORCE_RANGE_G[1]
     if not is_gravity or not MIN_UPRIGHT_SHARE < upright < MAX_TILTED_SHARE:
         return None
     axis = find_steady_turn_axis(values[:, 3:])

@@ -11,7 +11,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_zero_time
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.tolerances import MAX_UNREPORTED_DELAY_S
+from cwcli.estimation.tolerances import MAX_UNREPORTED_STATE_DELAY_S
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Int64Array, quantile_of_values, sort_distinct_values
 from cwcli.signals.units import NS_PER_S
@@ -64,15 +64,15 @@ class OnlineAvailability:
 
     @property
     def notes_on_late_states(self) -> list[str]:
-        """Note on states that are available more than `MAX_UNREPORTED_DELAY_S` after their stamps; else empty."""
+        """Note on states that are available more than `MAX_UNREPORTED_STATE_DELAY_S` after their stamps; else empty."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
-        late = after_s > MAX_UNREPORTED_DELAY_S
+        late = after_s > MAX_UNREPORTED_STATE_DELAY_S
         if not late.any():
             return []
         advice = "; if the stamps are wrong, use --clock log" if late.mean() > 0.5 else ""
         return [
             f"{self.topic}: {int(late.sum())} of {self.n_states} states are available more than "
-            f"{MAX_UNREPORTED_DELAY_S:g} s after their "
+            f"{MAX_UNREPORTED_STATE_DELAY_S:g} s after their "
             f"stamps (up to {after_s.max():.1f} s), and so are paths and warnings{advice}"
         ]
 

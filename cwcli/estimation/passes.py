@@ -19,12 +19,12 @@ from cwcli.signals.columns import FloatArray
 
 N_MOTION_STATES = 8
 """Number of motion states; parameter states follow them."""
-START_TOLERANCE_S = 1e-9
+MAX_TIME_BEFORE_FILTER_START_S = 1e-9
 """Time in s by which a row may be earlier than the start of the filter and is still used: rounding of stamps to
 floats."""
 MAX_PREDICTION_STEP_S = 0.1
 """Longest prediction step, s; chosen because the transition is a first-order expansion in the heading."""
-MAX_STEPS_PER_GAP = 600
+MAX_PREDICTION_STEPS_PER_GAP = 600
 """Greatest number of steps across a gap: a longer gap counts as a minute, so that no covariance overflows."""
 MAX_CONSECUTIVE_IMU_REJECTIONS = 2
 """Number of rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre. Chosen
@@ -197,7 +197,7 @@ def find_row_time_order(
         output_s: Shape (m,), increasing, seconds: times of the output states.
         reset_after: Rejections in a row after which a source is used again.
     """
-    in_time = [s.time_s - s.latency_s >= start_s - START_TOLERANCE_S for s in series]
+    in_time = [s.time_s - s.latency_s >= start_s - MAX_TIME_BEFORE_FILTER_START_S for s in series]
     series = [s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
     patience = np.array([_permitted_consecutive_rejections(s, reset_after) for s in series], np.int32)
     return RowTimeOrder(in_time, *_merge_rows_and_outputs_into_steps(series, start_s, output_s), patience)
@@ -343,7 +343,7 @@ def _place_restarts_in_time_order(
 ) -> ekf.Restarts:
     """Place each restart before the first update that is not older; restarts after the last update are left out."""
     update_s = np.concatenate([np.maximum(s.time_s - s.latency_s, start_s) for s in series])[order_of.order]
-    update = np.searchsorted(update_s, [each.time_s - START_TOLERANCE_S for each in restarts])
+    update = np.searchsorted(update_s, [each.time_s - MAX_TIME_BEFORE_FILTER_START_S for each in restarts])
     restarts = [each for each, u in zip(restarts, update, strict=True) if u < len(update_s)]
     step = np.searchsorted(order_of.first, update[: len(restarts)], side="right") - 1
     return ekf.Restarts(
@@ -405,18 +405,18 @@ def _merge_rows_and_outputs_into_steps(
         np.maximum(output_s, start_s),
         start_s=start_s,
         max_step_s=MAX_PREDICTION_STEP_S,
-        max_pieces=MAX_STEPS_PER_GAP,
+        max_pieces=MAX_PREDICTION_STEPS_PER_GAP,
     )
     return _shorten_long_pauses(time), first, out_row, order, np.ascontiguousarray(which[order])
 
 
 def _shorten_long_pauses(time_s: FloatArray) -> FloatArray:
-    """Return the step times with each gap of more than `MAX_STEPS_PER_GAP` steps shortened to that.
+    """Return the step times with each gap of more than `MAX_PREDICTION_STEPS_PER_GAP` steps shortened to that.
 
     Only differences matter. Times before a gap stay the same to the bit, so that the gap changes no earlier state.
     """
     step_s = np.diff(time_s)
-    is_long = step_s > MAX_PREDICTION_STEP_S + START_TOLERANCE_S
+    is_long = step_s > MAX_PREDICTION_STEP_S + MAX_TIME_BEFORE_FILTER_START_S
     if not is_long.any():
         return np.ascontiguousarray(time_s)
     excess_s = np.where(is_long, step_s - MAX_PREDICTION_STEP_S, 0.0)

@@ -14,7 +14,7 @@ from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurem
 from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
-from cwcli.estimation.sensor_limits import WHITE_NOISE_RANGES
+from cwcli.estimation.sensor_limits import WHITE_NOISE_RANGE_BY_KIND
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray, Int64Array, ValueRows, median_of_values
 from cwcli.signals.units import NS_PER_S
@@ -31,7 +31,7 @@ MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
 MIN_NOISE_TO_ROUGHNESS_RATIO = 0.5
 """Least noise that is fitted to an IMU, as a share of the noise that its second differences show. Chosen by hand; not
 fitted."""
-_RATE_NAMES: Mapping[Kind, str] = {Kind.ACCEL: "the acceleration", Kind.YAW_RATE: "the yaw rate"}
+_NAME_OF_RATE_KIND: Mapping[Kind, str] = {Kind.ACCEL: "the acceleration", Kind.YAW_RATE: "the yaw rate"}
 """Names of the rates in notes, without unit."""
 
 
@@ -310,13 +310,13 @@ def _is_sigma_beyond_limit(kind: Kind, variance: FloatArray) -> npt.NDArray[np.b
     """Whether a message states more noise of a rate than such a sensor has, as where the field is filled with ones."""
     if kind not in RATE_KINDS:  # a fix may be that bad, and then its row counts little
         return np.zeros(len(variance), np.bool_)
-    return variance >= WHITE_NOISE_RANGES[kind].high ** 2
+    return variance >= WHITE_NOISE_RANGE_BY_KIND[kind].high ** 2
 
 
 def _note_on_sigma_beyond_limit(source: str, kind: Kind, variance: FloatArray) -> str:
-    limit = WHITE_NOISE_RANGES[kind]
+    limit = WHITE_NOISE_RANGE_BY_KIND[kind]
     return (
-        f"{source}: {len(variance)} messages state a sigma of {_RATE_NAMES[kind]} of up to "
+        f"{source}: {len(variance)} messages state a sigma of {_NAME_OF_RATE_KIND[kind]} of up to "
         f"{np.sqrt(variance.max()):.3g} {limit.unit}, and no such sensor has {limit.high:g} {limit.unit}: the noise is "
         "found from the log instead"
     )

@@ -18,14 +18,14 @@ from cwcli.estimation.median import median_of_finite_values
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, ValueRows
 
-MIN_REPETITIONS = 10
+MIN_REPEATED_VALUES = 10
 """Least number of repeated values that show a pattern. Chosen by hand; not fitted."""
 MIN_REPEATED_SHARE = 0.05
 """Least share of repeated values among those that should have changed. Chosen: ten a second published eleven times a
 second repeat every tenth value."""
-MIN_CHANGE_PER_ROW = 3.0
+MIN_CHANGE_PER_ROW_IN_RESOLUTION_STEPS = 3.0
 """Least change per repeated row, in steps of the resolution, that shows a repetition. Chosen: rounding hides one."""
-MIN_RESOLUTION_SHARE = 0.01
+MIN_RESOLUTION_SHARE_OF_LEAST_NOISE = 0.01
 """Change, as a share of a kind's least noise (`QUANTITIES`), below which it is a rounding error. Chosen by hand."""
 MIN_RESOLVED_CHANGES = 8
 """Least number of small changes from which a resolution is read off. Chosen: eight changes without a resolution look
@@ -36,7 +36,7 @@ share. Chosen: of changes without a resolution 30 % lie within the tolerance."""
 MAX_JUMP_AFTER_HOLD_TO_USUAL = 3.0
 """Greatest jump after a value that is held for several periods, relative to the usual change, of a car that stood.
 Chosen by hand; not fitted."""
-CHORD_TOLERANCE_IN_FLOORS = 0.24
+INTERPOLATION_TOLERANCE_IN_LEAST_NOISES = 0.24
 """Greatest distance of interpolated rows from their line, in least noises of the kind: 1.2 cm of a position, which is
 one step of a ten millionth of a degree."""
 MIN_BEND_IN_TOLERANCES = 3.0
@@ -108,7 +108,7 @@ NO_STALE_ROWS = StaleRows(np.zeros(0, np.bool_), np.zeros(0, np.bool_))
 def find_stale_rows(kind: Kind, time_s: FloatArray, values: ValueRows) -> StaleRows:
     """Find the rows of a source that hold no new measurement."""
     none = np.zeros(len(time_s), np.bool_)
-    if len(time_s) < 2 * MIN_REPETITIONS:
+    if len(time_s) < 2 * MIN_REPEATED_VALUES:
         return StaleRows(none, none)
     is_repetition, period_s = _repeated_row_mask_and_period_s(kind, time_s, values)
     if is_repetition.any():
@@ -126,18 +126,18 @@ def _repeated_row_mask_and_period_s(
     n, none = len(time_s), np.zeros(len(time_s), np.bool_)
     is_new = np.ones(n, np.bool_)
     is_new[1:] = (values[1:] != values[:-1]).any(axis=1)
-    if n - int(np.count_nonzero(is_new)) < MIN_REPETITIONS:
+    if n - int(np.count_nonzero(is_new)) < MIN_REPEATED_VALUES:
         return none, float("nan")
     first = np.flatnonzero(is_new)  # of each run of one value
     length = np.diff(first)  # the last run has no change behind it
     change = np.abs(np.diff(values[first], axis=0))
-    floor = MIN_RESOLUTION_SHARE * _least_noise_sigma_of_kind(kind)
+    floor = MIN_RESOLUTION_SHARE_OF_LEAST_NOISE * _least_noise_sigma_of_kind(kind)
     step = np.array([quantisation_step_or_zero_or_infinity(change[:, k], floor) for k in range(values.shape[1])])
     per_row = change / length[:, None]
-    should_change = (per_row > np.maximum(MIN_CHANGE_PER_ROW * step, floor)).any(axis=1)
+    should_change = (per_row > np.maximum(MIN_CHANGE_PER_ROW_IN_RESOLUTION_STEPS * step, floor)).any(axis=1)
     is_held = should_change & (length > 1)
     n_held = int(np.count_nonzero(is_held))
-    if n_held < MIN_REPETITIONS or n_held < MIN_REPEATED_SHARE * int(np.count_nonzero(should_change)):
+    if n_held < MIN_REPEATED_VALUES or n_held < MIN_REPEATED_SHARE * int(np.count_nonzero(should_change)):
         return none, float("nan")
     held_s = np.diff(time_s[first])[is_held]
     # Of stamps that are cut to whole seconds most differences are 0; their mean is right all the same.
@@ -181,7 +181,7 @@ def _interpolated_row_mask_and_period_s(
     the knots by more than a car that changes its motion smoothly would leave a line.
     """
     n, none = len(time_s), (np.zeros(len(time_s), np.bool_), float("nan"))
-    tolerance = CHORD_TOLERANCE_IN_FLOORS * _least_noise_sigma_of_kind(kind)
+    tolerance = INTERPOLATION_TOLERANCE_IN_LEAST_NOISES * _least_noise_sigma_of_kind(kind)
     step_s = np.diff(time_s)
     if not (step_s > 0.0).all():
         return none

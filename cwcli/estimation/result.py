@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.imu import ImuMounting
-from cwcli.estimation.latency import NO_LATENCY, Latency
+from cwcli.estimation.latency import UNSEARCHED_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import NO_PARAMETER, NO_SLOW_ERROR, NO_STAMP_ERROR, Parameter, SlowError
 from cwcli.lazy_dataclass import dataclass
@@ -83,8 +83,8 @@ class SourceReport:
     noise_scale: float = float("nan")
     stamp_error: Parameter = NO_STAMP_ERROR
     interval_s: float = float("nan")
-    latency: Latency = NO_LATENCY
-    latency_to_reference: Latency = NO_LATENCY
+    latency: Latency = UNSEARCHED_LATENCY
+    latency_to_reference: Latency = UNSEARCHED_LATENCY
     bias: float = float("nan")
     bias_sigma: float = float("nan")
     scale: Parameter = NO_PARAMETER

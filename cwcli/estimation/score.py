@@ -12,11 +12,11 @@ from cwcli.estimation.passes import PassResult, SensorSeries
 from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
 
-GATE_PROBABILITY = 1.0 - 1e-5
+INNOVATION_CAP_PROBABILITY = 1.0 - 1e-5
 """Probability of the chi-square quantile to which a larger squared innovation is reduced. Chosen by hand."""
 MIN_LIKELIHOOD_GAIN_PER_PARAMETER = 4.5
 """Least gain of log-likelihood per fitted parameter: three sigma of a parabola."""
-MIN_GAIN_SIGMAS = 3.0
+MIN_LIKELIHOOD_GAIN_SIGMAS = 3.0
 """Least gain in sigmas of the scatter between rows. Chosen as for other significance tests; not fitted."""
 
 
@@ -33,7 +33,7 @@ def bounded_log_likelihood_without_inertial_sensors(series: Sequence[SensorSerie
 
 def row_log_likelihoods(s: SensorSeries, nis: FloatArray) -> FloatArray:
     """Return the log-likelihood (n,) of each row of a series, without constants; NaN before the start."""
-    limit = nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row)
+    limit = nis_gate_limit(INNOVATION_CAP_PROBABILITY, s.n_values_per_row)
     return np.asarray(-0.5 * (np.minimum(nis[:, 0], limit) + np.log(nis[:, 3])))
 
 
@@ -50,4 +50,4 @@ def is_prediction_clearly_better(gain: FloatArray, min_gain: float) -> bool:
     gain = gain[np.isfinite(gain)]
     if not len(gain) or min(float(half.sum()) for half in np.array_split(gain, 2)) <= min_gain:
         return False
-    return float(gain.sum()) > min_gain + MIN_GAIN_SIGMAS * float(gain.std()) * math.sqrt(len(gain))
+    return float(gain.sum()) > min_gain + MIN_LIKELIHOOD_GAIN_SIGMAS * float(gain.std()) * math.sqrt(len(gain))

@@ -92,11 +92,11 @@ STAMP_SIGMA_RANGE = ParameterRange(
 """Range of the sigma of stamp errors, s; its field `source` gives the reason."""
 SPEED_LEVER_ARM_RANGE = ParameterRange(-3.0, 3.0, "m", "from the road to the roof of a van")
 """Range of the height, m, of the estimated point above the point of a speed; its field `source` gives the reason."""
-AHEAD_RANGE = ParameterRange(
+LEVER_ARM_AHEAD_RANGE = ParameterRange(
     -6.0, 6.0, "m", "from the rear axle to the front of a van; a longer vehicle needs --lever-arm"
 )
 """Range of the lever arm ahead, m; its field `source` gives the reason."""
-WHITE_NOISE_RANGES: Mapping[Kind, ParameterRange] = {
+WHITE_NOISE_RANGE_BY_KIND: Mapping[Kind, ParameterRange] = {
     Kind.POSITION: ParameterRange(
         0.0, 30.0, "m", "a phone's fix by cells and wireless networks; GNSS alone has 1 to 5 m"
     ),
@@ -113,4 +113,4 @@ def range_of_sensor_error(name: str, kind: Kind) -> ParameterRange:
     """Return the range of an error of the sensor model (`sensor_model.Part`) for a source of a kind."""
     if name == "slow":
         return GRADE_SIGMA_RANGE if kind is Kind.ACCEL else SLOW_POSITION_SIGMA_RANGE
-    return {"scale": SPEED_SCALE_RANGE, "lever": SPEED_LEVER_ARM_RANGE, "ahead": AHEAD_RANGE}[name]
+    return {"scale": SPEED_SCALE_RANGE, "lever": SPEED_LEVER_ARM_RANGE, "ahead": LEVER_ARM_AHEAD_RANGE}[name]

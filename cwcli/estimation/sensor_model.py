@@ -34,7 +34,7 @@ SPEED_SCALE_PRIOR_SIGMA = 0.02
 """One sigma of the scale of a speed. Chosen: tyres differ by wear, pressure and size by a couple of percent."""
 IMU_HEIGHT_PRIOR_SIGMA_M = 1.0
 """One sigma of the height of an IMU above the wheels, m. Chosen: between the axles and a truck's roof."""
-AHEAD_PRIOR_SIGMA_M = 2.0
+LEVER_ARM_AHEAD_PRIOR_SIGMA_M = 2.0
 """One sigma of the lever arm ahead, m. Chosen: an antenna stands between the front and the rear of a car."""
 GRAVITY_CHANGE_PER_TURN_MPS2 = STANDARD_GRAVITY_MPS2 * 0.035
 """One sigma of the change of gravity's forward part while a car turns by a radian, m/s^2.
@@ -161,7 +161,7 @@ def add_sensor_error_states(base: StateLayout, model: SensorModel) -> StateLayou
         if i in model.levered and len(s) and imu_rate is not None:
             series[i] = replace(series[i], lever_state=add(1, IMU_HEIGHT_PRIOR_SIGMA_M**2, 0.0), pitch_rate=imu_rate)
         if i in model.ahead and len(s):
-            series[i] = replace(series[i], ahead_state=add(1, AHEAD_PRIOR_SIGMA_M**2, 0.0))
+            series[i] = replace(series[i], ahead_state=add(1, LEVER_ARM_AHEAD_PRIOR_SIGMA_M**2, 0.0))
     parameters = replace(base.parameters, time_constant_s=time_constant_s, turn_noise=turn_noise)
     return StateLayout(series, parameters, np.array(walk), np.array(prior))
 

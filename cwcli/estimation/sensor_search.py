@@ -24,7 +24,7 @@ from cwcli.estimation.prepare import average_rows_to_rate
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER, bounded_log_likelihood_without_inertial_sensors
 from cwcli.estimation.sensor_limits import range_of_sensor_error
 from cwcli.estimation.sensor_model import (
-    AHEAD_PRIOR_SIGMA_M,
+    LEVER_ARM_AHEAD_PRIOR_SIGMA_M,
     GaussMarkovError,
     Part,
     SensorModel,
@@ -33,7 +33,7 @@ from cwcli.estimation.sensor_model import (
     find_pitch_rate,
 )
 from cwcli.estimation.start import find_start_with_parameter_states
-from cwcli.estimation.tolerances import MIN_LOG_SPAN_S
+from cwcli.estimation.tolerances import MIN_LOG_SPAN_FOR_SLOW_ERRORS_S
 from cwcli.estimation.trial import (
     CONVERGED_NOISE_FACTOR,
     MAX_NOISE_MATCHINGS,
@@ -45,11 +45,11 @@ from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
-SEARCH_WINDOW_S = 240.0
+MAX_SEARCHED_LOG_SPAN_S = 240.0
 """Longest span that is searched, s. Chosen for speed; not fitted."""
-AVERAGING_HZ = 10.0
+SEARCH_AVERAGING_HZ = 10.0
 """Rate to which inertial series and speeds are averaged, Hz. Chosen for speed; not fitted."""
-N_FITTED_PARAMETERS = {"slow": 2, "scale": 1, "lever": 1, "ahead": 1}
+N_FITTED_PARAMETERS_BY_ERROR = {"slow": 2, "scale": 1, "lever": 1, "ahead": 1}
 """Name of an error of the sensor model -> number of its fitted parameters."""
 INITIAL_GRADE_ERROR = GaussMarkovError(0.2, 15.0)
 """Initial error of an accelerometer by the grade (m/s^2, s). Chosen: 1.2 degrees, a hill of a few hundred metres."""
@@ -57,19 +57,19 @@ INITIAL_POSITION_TIME_CONSTANT_S = 10.0
 """Time constant at which the search for a slow error of positions begins, s. Chosen by hand; not fitted."""
 TIME_CONSTANT_LIMITS_S = {Kind.POSITION: (1.0, 300.0), Kind.ACCEL: (5.0, 300.0)}
 """Least and greatest time constant of a slow error, s. Chosen: a slope lasts longer than the pitch of a body."""
-SEARCH_SIDE_SLIP_M = 0.03
+SEARCH_POSITION_NOISE_M_PER_ROOT_S = 0.03
 """Position noise during the search, m per root s. Chosen below the filter's own: slow errors need a long memory."""
 MIN_TIME_CONSTANTS_IN_LOG = 5.0
 """Least number of time constants in a log. Chosen by hand; not fitted."""
-CLIMB_STEP_FACTORS = (3.0, 3.0**0.5)
+CLIMB_FACTORS_ON_TIME_CONSTANT_OR_VARIANCE = (3.0, 3.0**0.5)
 """Step factors of the climb, on the time constant or on sigma^2. Chosen by hand; not fitted."""
 AVERAGED_TIME_CONSTANT_FACTORS = (1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0)
 """Factors on the time constant over which a slow error is averaged. Chosen by hand; not fitted."""
-MIN_HEADING_RANGE_RAD = 0.5
+MIN_HEADING_RANGE_FOR_LEVER_ARM_RAD = 0.5
 """Least range of the heading from which a lever arm is searched, rad. Chosen: without a turn nothing shows one."""
-SPEED_SAMPLING_S = 2.0
+FIX_INTERVAL_FOR_SPEED_S = 2.0
 """Time between two fixes from which a speed is taken, s. Chosen so that their distance exceeds the noise."""
-MIN_AHEAD_SIGMAS = 3.0
+MIN_LEVER_ARM_AHEAD_SIGMAS = 3.0
 """Least lever arm ahead in sigmas, including those of the latency. Chosen as for other significance tests."""
 MAX_CLIMB_TRIALS = 9
 """Greatest number of trials in the climb of one slow error. Chosen for speed; not fitted."""
@@ -144,7 +144,7 @@ def find_sensor_errors(
 def may_show_sensor_errors(series: Sequence[SensorSeries]) -> bool:
     """Whether a log is long enough for a search of sensor errors; its noise need not be known yet."""
     first, last = _begin_and_end_of_searched_span_s(series)
-    return last - first >= MIN_LOG_SPAN_S
+    return last - first >= MIN_LOG_SPAN_FOR_SLOW_ERRORS_S
 
 
 def _model_with_all_possible_errors(
@@ -157,7 +157,7 @@ def _model_with_all_possible_errors(
     # Of positions alone a slow error can't be told from the way.
     has_motion = any(s.kind in (Kind.ACCEL, Kind.SPEED, Kind.VELOCITY) and len(s) >= MIN_ROWS_FOR_NOISE for s in series)
     has_pitch = find_pitch_rate(series) is not None
-    has_turns = _heading_range_rad(series) > MIN_HEADING_RANGE_RAD
+    has_turns = _heading_range_rad(series) > MIN_HEADING_RANGE_FOR_LEVER_ARM_RAD
     for i, s in enumerate(series):
         if len(s) < MIN_ROWS_FOR_NOISE or s.is_exact:
             continue
@@ -165,7 +165,7 @@ def _model_with_all_possible_errors(
             has_turns
             and has_ground
             and s.place_m is None
-            and slack_m[i] < MAX_OBSERVED_SIGMA_TO_PRIOR * AHEAD_PRIOR_SIGMA_M
+            and slack_m[i] < MAX_OBSERVED_SIGMA_TO_PRIOR * LEVER_ARM_AHEAD_PRIOR_SIGMA_M
         )
         if may_stand and s.kind in (Kind.POSITION, Kind.VELOCITY, Kind.ACCEL):
             ahead.add(i)
@@ -194,8 +194,8 @@ def _forward_arm_sigma_from_latency_m(
 ) -> list[float]:
     """Return one sigma (m) of the error of each lever arm ahead that the remaining latency may cause."""
     fixes = max((s for s in series if s.kind is Kind.POSITION), key=len)
-    span_s = max(float(np.ptp(fixes.time_s)), SPEED_SAMPLING_S)
-    few = fixes.values[:: max(1, int(SPEED_SAMPLING_S * len(fixes) / span_s))]
+    span_s = max(float(np.ptp(fixes.time_s)), FIX_INTERVAL_FOR_SPEED_S)
+    few = fixes.values[:: max(1, int(FIX_INTERVAL_FOR_SPEED_S * len(fixes) / span_s))]
     speed_mps = float(np.hypot(*np.diff(few, axis=0).T).sum() / span_s)
     return [
         speed_mps * each if s.kind in (Kind.POSITION, Kind.VELOCITY) else 0.0
@@ -247,9 +247,14 @@ class _SensorModelTrials:
     def __init__(self, base: StateLayout, slack_m: Sequence[float]) -> None:
         """Cut and average the searched window, and drop the rows that the filter rejects without a sensor model."""
         begin, end = _begin_and_end_of_searched_span_s(base.series)
-        cut = [with_outlier_gate(average_rows_to_rate(cut_to_window(s, begin, end), AVERAGING_HZ)) for s in base.series]
+        cut = [
+            with_outlier_gate(average_rows_to_rate(cut_to_window(s, begin, end), SEARCH_AVERAGING_HZ))
+            for s in base.series
+        ]
         self.span_s, self.slack_m = end - begin, slack_m
-        self.base = replace(base, series=cut, parameters=replace(base.parameters, side_slip_m=SEARCH_SIDE_SLIP_M))
+        self.base = replace(
+            base, series=cut, parameters=replace(base.parameters, side_slip_m=SEARCH_POSITION_NOISE_M_PER_ROOT_S)
+        )
         self._trials = FilterTrials()
         self._scored: dict[Hashable, _SensorModelTrial] = {}
         result = self._trials.run_filter(self.base)
@@ -293,7 +298,7 @@ class _SensorModelTrials:
         the likelihood is flat: its mean is taken, not its top, which would as often be far too sure as too careful.
         """
         left = MAX_CLIMB_TRIALS
-        for step in CLIMB_STEP_FACTORS:
+        for step in CLIMB_FACTORS_ON_TIME_CONSTANT_OR_VARIANCE:
             has_improved = True
             while has_improved and left > 0:
                 has_improved = False
@@ -342,9 +347,11 @@ def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: 
     """Keep the found model if it predicts the whole log, with outliers, better than none; else return an empty one."""
     scores = []
     for layout in (plain, modelled):
-        series = [with_outlier_gate(average_rows_to_rate(s, AVERAGING_HZ)) for s in layout.series]
+        series = [with_outlier_gate(average_rows_to_rate(s, SEARCH_AVERAGING_HZ)) for s in layout.series]
         start = find_start_with_parameter_states(series, layout.prior, causal=False)
-        motion = replace(layout.parameters, side_slip_m=SEARCH_SIDE_SLIP_M).to_process_model(layout.walk)
+        motion = replace(layout.parameters, side_slip_m=SEARCH_POSITION_NOISE_M_PER_ROOT_S).to_process_model(
+            layout.walk
+        )
         scores.append(
             bounded_log_likelihood_without_inertial_sensors(
                 series, run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=20)
@@ -368,7 +375,7 @@ def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -
     while parts := trial.model.modelled_errors:
         others = [trials.run_model_trial(trial.model.without_error(part), trial) for part in parts]
         loss = [
-            trial.score - other.score - MIN_LIKELIHOOD_GAIN_PER_PARAMETER * N_FITTED_PARAMETERS[part[1]]
+            trial.score - other.score - MIN_LIKELIHOOD_GAIN_PER_PARAMETER * N_FITTED_PARAMETERS_BY_ERROR[part[1]]
             for part, other in zip(parts, others, strict=True)
         ]
         least = int(np.argmin(loss))
@@ -436,7 +443,9 @@ def _forward_arm_and_sigma_by_series_m(trial: _SensorModelTrial) -> dict[int, tu
 def _series_with_unclear_forward_arm(ahead_m: Mapping[int, tuple[float, float]], slack_m: Sequence[float]) -> list[int]:
     """Return the series whose lever arm ahead is not significant against its sigma and that of the latency."""
     return [
-        i for i, (value, sigma) in ahead_m.items() if not abs(value) > MIN_AHEAD_SIGMAS * np.hypot(sigma, slack_m[i])
+        i
+        for i, (value, sigma) in ahead_m.items()
+        if not abs(value) > MIN_LEVER_ARM_AHEAD_SIGMAS * np.hypot(sigma, slack_m[i])
     ]
 
 
@@ -454,11 +463,11 @@ def series_whose_forward_arm_may_be_latency(
 
 
 def _begin_and_end_of_searched_span_s(series: Sequence[SensorSeries]) -> tuple[float, float]:
-    """Return the searched span, s: from the first position; of long logs `SEARCH_WINDOW_S` with the longest path."""
+    """Return the searched span, s: from the first position; at most `MAX_SEARCHED_LOG_SPAN_S` with the longest path."""
     positions = [s for s in series if s.kind is Kind.POSITION and len(s)]
     begin = min((float(s.time_s[0] - s.latency_s) for s in positions), default=0.0) - FIRST_POSITION_LEAD_IN_S
     end = max((float(s.time_s[-1] - s.latency_s) for s in series if len(s)), default=0.0)
-    if end - begin <= SEARCH_WINDOW_S:
+    if end - begin <= MAX_SEARCHED_LOG_SPAN_S:
         return begin, end
-    begin = longest_driven_window_start_s(series, begin, end, SEARCH_WINDOW_S)
-    return begin, begin + SEARCH_WINDOW_S
+    begin = longest_driven_window_start_s(series, begin, end, MAX_SEARCHED_LOG_SPAN_S)
+    return begin, begin + MAX_SEARCHED_LOG_SPAN_S

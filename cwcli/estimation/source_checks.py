@@ -22,7 +22,7 @@ from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_v
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
 from cwcli.estimation.step_motion import (
-    MIN_CHORD_M,
+    MIN_FIX_DISTANCE_FOR_COURSE_M,
     StepMotion,
     compute_step_motion,
     step_edges_s,
@@ -31,13 +31,13 @@ from cwcli.estimation.turn_regression import regressed_turn_ratio
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
-STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)
+COMPARED_STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)
 """Lengths of the compared steps, s: as long as a manoeuvre takes, and longer than sensors are late. Chosen by hand."""
 MIN_STEPS_OF_ONE_LENGTH = 4
 """Least number of clear steps of one length. Chosen: three agree by chance."""
 MIN_STEPS_OF_ALL_LENGTHS = 8
 """Least number of clear steps of all lengths together. Chosen: a car turns five times in four minutes of town."""
-STUDENT_99_QUANTILES: Mapping[int, float] = {
+STUDENT_99_QUANTILE_BY_N_VALUES: Mapping[int, float] = {
     4: 5.84,
     5: 4.60,
     6: 4.03,
@@ -65,18 +65,18 @@ HEADING_OFFSET_RANGE = ParameterRange(
     -math.pi / 6.0, math.pi / 6.0, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"
 )
 """Range in rad of the difference of two headings or courses that agree; the value itself names its source."""
-MIN_TURN_RAD = 0.25
+MIN_HEADING_CHANGE_OF_TURN_RAD = 0.25
 """Least change of heading from one step to the next, rad, that counts as a turn: more than a lane bends or noise makes.
 Chosen by hand."""
-MIN_COURSE_TURN_RAD = 0.5
+MIN_COURSE_CHANGE_OF_TURN_RAD = 0.5
 """Change of heading from one step to the next that is a turn where one of the two sources is a course by fixes, rad.
 Chosen by hand, well above the 0.2 by which the chord of a step is off when the car brakes and turns."""
-MIN_CHANGE_SIGMAS = 4.0
+MIN_MOTION_CHANGE_SIGMAS = 4.0
 """Least turn or change of speed in sigmas of the noise of fixes. Chosen by hand; not fitted."""
 MIN_SPEED_CHANGE_MPS = 2.0
 """Least change of the mean speed from one step to the next, m/s, that counts as braking or accelerating. Chosen by
 hand."""
-MAX_TURN_RAD = 2.5
+MAX_COMPARED_HEADING_CHANGE_RAD = 2.5
 """Largest change of heading from one step to the next, rad, that is compared; a larger one may have gone round the
 other way. Chosen by hand."""
 MIN_COURSE_SPEED_MPS = 4.0
@@ -84,13 +84,13 @@ MIN_COURSE_SPEED_MPS = 4.0
 hand."""
 FIX_KINDS = (Kind.POSITION, Kind.VELOCITY)
 """Kinds that come from fixes."""
-BIAS_CHECKS = (SourceComparisonCheck.YAW_RATE_BIAS, SourceComparisonCheck.ACCEL_BIAS)
+CHECKS_THAT_ONLY_CONTRADICT = (SourceComparisonCheck.YAW_RATE_BIAS, SourceComparisonCheck.ACCEL_BIAS)
 """Comparisons that can only contradict: agreement without motion does not show that units and signs agree."""
 
 
 def student_99_quantile(n: int) -> float:
     """Return half the width of the 99 % interval in sigma of the mean of n values, four or more."""
-    return STUDENT_99_QUANTILES[max(size for size in STUDENT_99_QUANTILES if size <= n)]
+    return STUDENT_99_QUANTILE_BY_N_VALUES[max(size for size in STUDENT_99_QUANTILE_BY_N_VALUES if size <= n)]
 
 
 class Judgement(StrEnum):
@@ -225,7 +225,7 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
     if len(usable) < 2 or not any(s.kind is Kind.POSITION for s in usable):
         return []
     by_length = []
-    for step_s in STEP_LENGTHS_S:
+    for step_s in COMPARED_STEP_LENGTHS_S:
         edges_s = step_edges_s(usable, step_s)
         if len(edges_s) > MIN_STEPS_OF_ONE_LENGTH + 1:
             motions = [compute_step_motion(s, edges_s) for s in usable]
@@ -240,7 +240,9 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
                 judgement, number = _judgement_and_ratio_of_regressed_turns(
                     [(motions[i], motions[j]) for _, motions in by_length]
                 )
-            if judgement is Judgement.UNKNOWN or (check in BIAS_CHECKS and judgement is Judgement.AGREE):
+            if judgement is Judgement.UNKNOWN or (
+                check in CHECKS_THAT_ONLY_CONTRADICT and judgement is Judgement.AGREE
+            ):
                 continue
             found.append(SourceComparison(check, one, other, judgement, number))
             if judgement is Judgement.CONTRADICT and check in (
@@ -272,7 +274,7 @@ def _judgement_and_ratio_of_regressed_turns(pairs: Sequence[tuple[StepMotion, St
     """Judge the turns of a pair by a line through those of all steps; see `turn_regression`.
 
     Args:
-        pairs: The motions in steps of `STEP_LENGTHS_S`, as far as the log is long enough.
+        pairs: The motions in steps of `COMPARED_STEP_LENGTHS_S`, as far as the log is long enough.
     """
     ratios = [regressed_turn_ratio(*pair) for pair in pairs[1:]]  # not of those in steps of 1 s
     intervals = [MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios]
@@ -348,21 +350,25 @@ def _compare_distances(one: StepMotion, other: StepMotion, step_s: float) -> Ste
     limit = SPEED_SCALE_RANGE
     if one.kind in FIX_KINDS and other.kind is Kind.SPEED:
         limit = ParameterRange(1.0 / SPEED_SCALE_RANGE.high, 1.0 / SPEED_SCALE_RANGE.low, "", "")
-    return _compare_median_ratio_with_range(one.distance_m, other.distance_m, MIN_CHORD_M, math.inf, limit)
+    return _compare_median_ratio_with_range(
+        one.distance_m, other.distance_m, MIN_FIX_DISTANCE_FOR_COURSE_M, math.inf, limit
+    )
 
 
 def _compare_turns(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     by_course = one.kind in FIX_KINDS or other.kind in FIX_KINDS
-    least_rad = MIN_COURSE_TURN_RAD if by_course else MIN_TURN_RAD
-    least = [np.fmax(least_rad, MIN_CHANGE_SIGMAS * m.turn_sigma_rad) for m in (one, other)]
-    return _compare_median_ratio_both_ways(one.turn_rad, other.turn_rad, least, MAX_TURN_RAD, TURN_RATIO_RANGE)
+    least_rad = MIN_COURSE_CHANGE_OF_TURN_RAD if by_course else MIN_HEADING_CHANGE_OF_TURN_RAD
+    least = [np.fmax(least_rad, MIN_MOTION_CHANGE_SIGMAS * m.turn_sigma_rad) for m in (one, other)]
+    return _compare_median_ratio_both_ways(
+        one.turn_rad, other.turn_rad, least, MAX_COMPARED_HEADING_CHANGE_RAD, TURN_RATIO_RANGE
+    )
 
 
 def _compare_yaw_rates_going_straight(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     if Kind.YAW_RATE not in (one.kind, other.kind):
         return UNKNOWN_STEP_COMPARISON
     difference = one.turn_rad - other.turn_rad
-    small = np.abs(other.turn_rad if one.kind is Kind.YAW_RATE else one.turn_rad) < MIN_TURN_RAD
+    small = np.abs(other.turn_rad if one.kind is Kind.YAW_RATE else one.turn_rad) < MIN_HEADING_CHANGE_OF_TURN_RAD
     return StepComparison.from_median_interval(
         MedianInterval.from_values(difference[small & np.isfinite(difference)] / step_s), YAW_RATE_BIAS_RANGE
     )
@@ -413,7 +419,7 @@ def _speed_changes_of_both_minus_medians(one: StepMotion, other: StepMotion) -> 
 def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     if Kind.ACCEL not in (one.kind, other.kind):
         return UNKNOWN_STEP_COMPARISON
-    least = [max(MIN_SPEED_CHANGE_MPS, MIN_CHANGE_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
+    least = [max(MIN_SPEED_CHANGE_MPS, MIN_MOTION_CHANGE_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
     return _compare_median_ratio_both_ways(
         *_speed_changes_of_both_minus_medians(one, other),
         least,

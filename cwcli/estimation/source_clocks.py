@@ -39,7 +39,7 @@ MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT = 25.0
 MIN_EQUAL_STAMP_SHARE = 0.5
 """Least share of messages with the stamp of the message before them that shows stamps cut to a coarse unit. Chosen: of
 two messages a second stamped in whole seconds half have it."""
-MAX_CLOCK_RATE = 2.0
+MAX_CLOCK_RATE_RATIO = 2.0
 """Greatest rate of a clock against the log's, and the inverse of the least one; beyond it the stamps are in another
 unit, as milliseconds that are written as seconds. Chosen far above any drift."""
 WHOLE_SECONDS_TOLERANCE_S = 0.2
@@ -133,7 +133,7 @@ def _replace_stamps_of_wrong_rate_and_note(
 ) -> tuple[list[Measurements], list[str]]:
     """Replace stamps that run much faster or slower than the log by log times, where most sources run with the log."""
     rates = [_clock_rate_or_nan(m) for m in measurements]
-    is_wrong = [rate > MAX_CLOCK_RATE or rate < 1.0 / MAX_CLOCK_RATE for rate in rates]
+    is_wrong = [rate > MAX_CLOCK_RATE_RATIO or rate < 1.0 / MAX_CLOCK_RATE_RATIO for rate in rates]
     if 2 * sum(is_wrong) >= np.isfinite(rates).sum():
         return list(measurements), []
     notes = {

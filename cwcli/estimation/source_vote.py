@@ -27,7 +27,7 @@ from cwcli.estimation.source_checks import (
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-MIN_GRAVITY_SHARE = 0.5
+MIN_MEAN_SPECIFIC_FORCE_OVER_GRAVITY = 0.5
 """Least mean specific force relative to gravity that shows the vertical. Chosen by hand; not fitted.
 
 An IMU whose gravity was removed has none."""
@@ -35,7 +35,7 @@ MIN_VERTICAL_GRAVITY_SHARE = 0.5
 """Least share of gravity along the vertical axis of an IMU that is not tilted: cos 60 degrees."""
 MAX_CAR_SPEED_MPS = 150.0
 """Median speed between fixes that no road vehicle has, m/s (540 km/h)."""
-FIX_STEP_S = 1.0
+MIN_FIX_INTERVAL_FOR_SPEED_S = 1.0
 """Least time between the fixes whose distance gives that speed, s: their noise is at most 30 m. Chosen by hand."""
 IMU_AXIS_NAMES = ("forward", "left", "vertical")
 """Names of the axes of an IMU in texts."""
@@ -193,7 +193,9 @@ def find_impossible_fixes(prepared: Sequence[PreparedSeries]) -> list[Contradict
         s = p.series
         if s.kind is not Kind.POSITION or len(s) < MIN_ROWS_OF_COMPARED_SOURCE:
             continue
-        step = max(1, int(np.ceil(FIX_STEP_S / max(median_of_finite_values(np.diff(s.time_s)), 1e-3))))
+        step = max(
+            1, int(np.ceil(MIN_FIX_INTERVAL_FOR_SPEED_S / max(median_of_finite_values(np.diff(s.time_s)), 1e-3)))
+        )
         way_m, duration_s = np.hypot(*(s.values[step:] - s.values[:-step]).T), s.time_s[step:] - s.time_s[:-step]
         speed_mps = median_of_finite_values(way_m / np.maximum(duration_s, 1e-3)) if len(way_m) else 0.0
         if speed_mps > MAX_CAR_SPEED_MPS:
@@ -213,7 +215,10 @@ def find_tilted_imus(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
             what = f"gravity reads {norm:.0f}, more than in any unit: it seems to send raw counts, not m/s^2"
             found.append(_contradiction_to_gravity(p, what))
             continue
-        if norm < MIN_GRAVITY_SHARE * STANDARD_GRAVITY_MPS2 or p.mean_force_mps2[2] > MIN_VERTICAL_GRAVITY_SHARE * norm:
+        if (
+            norm < MIN_MEAN_SPECIFIC_FORCE_OVER_GRAVITY * STANDARD_GRAVITY_MPS2
+            or p.mean_force_mps2[2] > MIN_VERTICAL_GRAVITY_SHARE * norm
+        ):
             continue
         axis = int(np.argmax(np.abs(p.mean_force_mps2)))
         what = (

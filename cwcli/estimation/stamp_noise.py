@@ -21,9 +21,9 @@ from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter, ParameterStatus
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.score import (
-    GATE_PROBABILITY,
-    MIN_GAIN_SIGMAS,
+    INNOVATION_CAP_PROBABILITY,
     MIN_LIKELIHOOD_GAIN_PER_PARAMETER,
+    MIN_LIKELIHOOD_GAIN_SIGMAS,
     bounded_log_likelihood_without_inertial_sensors,
     is_prediction_clearly_better,
     row_log_likelihoods,
@@ -42,11 +42,11 @@ GRID_STEPS_PER_OCTAVE = 4
 """Number of grid steps in a factor of two, for all sigmas of the grid. Chosen by hand."""
 MIN_STAMP_SIGMA_STEP, MAX_STAMP_SIGMA_STEP = -2 * GRID_STEPS_PER_OCTAVE, 7 * GRID_STEPS_PER_OCTAVE
 """Least and greatest grid step of the stamp error: 1.3 ms and 0.64 s."""
-CLIMB_STRIDES = (GRID_STEPS_PER_OCTAVE, GRID_STEPS_PER_OCTAVE // 2)
+CLIMB_STRIDES_IN_GRID_STEPS = (GRID_STEPS_PER_OCTAVE, GRID_STEPS_PER_OCTAVE // 2)
 """Strides of the climb in grid steps: octaves, then half octaves."""
 MAX_FILTER_PASSES_PER_SEARCH = 150
 """Greatest number of filter passes of one search. Chosen to bound the time; not fitted."""
-FIRST_TRIED_STEPS = (0, 2 * GRID_STEPS_PER_OCTAVE)
+FIRST_TRIED_GRID_STEPS = (0, 2 * GRID_STEPS_PER_OCTAVE)
 """Grid steps that are tried first, 5 and 20 ms: if neither helps, the search ends."""
 WHITE_VARIANCE_STEP_FACTOR = 2.0
 """Step factor of the white noise variance in the final refinement. Chosen by hand; not fitted."""
@@ -54,7 +54,7 @@ MAX_WHITE_VARIANCE_STEPS = 16
 """Greatest number of such steps in one direction. Chosen by hand; not fitted."""
 MIN_POSITION_ROWS = 50
 """Least number of rows of a position that is examined. Chosen by hand; not fitted."""
-SPEED_SAMPLING_S = 2.0
+FIX_INTERVAL_FOR_SPEED_S = 2.0
 """Time between two fixes from which a speed is taken, s. Chosen so that their distance exceeds the noise."""
 
 Point = tuple[int | None, int, int, int]
@@ -86,12 +86,12 @@ def may_have_stamp_errors(s: SensorSeries, nis: FloatArray) -> bool:
         s.kind is not Kind.POSITION
         or s.is_exact
         or len(s) < MIN_POSITION_ROWS
-        or np.ptp(s.time_s) < 2.0 * SPEED_SAMPLING_S
+        or np.ptp(s.time_s) < 2.0 * FIX_INTERVAL_FOR_SPEED_S
     ):
         return False
-    limit = nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row)
+    limit = nis_gate_limit(INNOVATION_CAP_PROBABILITY, s.n_values_per_row)
     slope = nis[:, 4] * limit / np.maximum(nis[:, 0], limit)
-    return bool(np.nansum(slope) > MIN_GAIN_SIGMAS * np.sqrt(np.nansum(slope**2)))
+    return bool(np.nansum(slope) > MIN_LIKELIHOOD_GAIN_SIGMAS * np.sqrt(np.nansum(slope**2)))
 
 
 def fit_stamp_errors(fit: NoiseFit, has_hint: Sequence[bool], layout: StateLayout) -> NoiseFit:
@@ -118,7 +118,8 @@ class _StampErrorSearch:
         s = fit.series[i]
         self._variance = 0.5 * float((s.noise[:, 0] + s.noise[:, 2]).mean())
         few = s.select_rows(
-            np.arange(len(s)) % max(1, int(SPEED_SAMPLING_S * len(s) / max(float(np.ptp(s.time_s)), SPEED_SAMPLING_S)))
+            np.arange(len(s))
+            % max(1, int(FIX_INTERVAL_FOR_SPEED_S * len(s) / max(float(np.ptp(s.time_s)), FIX_INTERVAL_FOR_SPEED_S)))
             == 0
         )
         speed_mps = np.hypot(*np.diff(few.values, axis=0).T) / np.maximum(np.diff(few.time_s), 1e-3)
@@ -131,9 +132,10 @@ class _StampErrorSearch:
 
     def search_best_fit(self) -> NoiseFit:
         """Return the fit with the stamp error and its noise and motion; the given fit if the log shows none."""
-        plain = self._climb_to_best_point((None, 0, 0, 0), (1, 2, 3), CLIMB_STRIDES[:1])
+        plain = self._climb_to_best_point((None, 0, 0, 0), (1, 2, 3), CLIMB_STRIDES_IN_GRID_STEPS[:1])
         if not any(
-            self._log_likelihood_at((step, *plain[1:])) > self._log_likelihood_at(plain) for step in FIRST_TRIED_STEPS
+            self._log_likelihood_at((step, *plain[1:])) > self._log_likelihood_at(plain)
+            for step in FIRST_TRIED_GRID_STEPS
         ):
             return self._fit
         plain = self._climb_to_best_point(plain, (1, 2, 3))
@@ -152,7 +154,7 @@ class _StampErrorSearch:
 
         The curvature gives the sigma of the stamp error; white noise and motion are optimised at each of the three.
         """
-        stride = CLIMB_STRIDES[-1]
+        stride = CLIMB_STRIDES_IN_GRID_STEPS[-1]
         while True:
             assert best[0] is not None
             at: list[Point] = [(best[0] - stride, *best[1:]), (best[0] + stride, *best[1:])]
@@ -196,7 +198,9 @@ class _StampErrorSearch:
                 white, score = other, better
         return self._noise_fit_at(best, error, white)
 
-    def _climb_to_best_point(self, point: Point, axes: Sequence[int], strides: Sequence[int] = CLIMB_STRIDES) -> Point:
+    def _climb_to_best_point(
+        self, point: Point, axes: Sequence[int], strides: Sequence[int] = CLIMB_STRIDES_IN_GRID_STEPS
+    ) -> Point:
         """Climb along the axes, one after the other, to the likeliest point."""
         for stride in strides:
             has_moved = True

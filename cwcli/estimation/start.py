@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.passes import N_MOTION_STATES, START_TOLERANCE_S, FilterStart, SensorSeries
+from cwcli.estimation.passes import MAX_TIME_BEFORE_FILTER_START_S, N_MOTION_STATES, FilterStart, SensorSeries
 from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import FloatArray
 
@@ -305,7 +305,7 @@ def set_states_before_start_in_place(
         output_s: Shape (m,).
         prior: Shape (n,): variances of the parameter states; the first eight are not used.
     """
-    early = np.flatnonzero(output_s < start_s - START_TOLERANCE_S)
+    early = np.flatnonzero(output_s < start_s - MAX_TIME_BEFORE_FILTER_START_S)
     if not len(early):
         return
     position = next(s for s in series if s.kind is Kind.POSITION and len(s))

@@ -15,21 +15,22 @@ from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import HEADING, SPEED, StateFlag, X, Y
 
-SETTLING_TIME_S = 2.0
+FLAGGED_TIME_AFTER_START_S = 2.0
 """Time for which states are flagged after a start or reset, s: two time constants of the jerk."""
 MAX_AGE_IN_WHOLE_START_STATE_S = 1.0
 """Greatest age in s of position, speed and heading at the start that still make a whole state: the period of slow
 senders. Chosen by hand."""
-MIN_COURSE_SIGMAS = 10.0
+MIN_VELOCITY_SIGMAS_FOR_COURSE = 10.0
 """Least size of a velocity, in its sigmas, that tells the heading. Chosen: the course is then good to 0.1 rad."""
 MIN_TIME_FLAGGED_AFTER_REJECTION_S = 0.3
 """Time after a rejected row from which online states are flagged, too, s. Chosen: three periods of usual messages."""
-REJECTED_ROW_SHARE = 0.5
+REJECTED_INNOVATION_SHARE_OF_VARIANCE = 0.5
 """Share of the squared innovation that the variance of a state holds while rows are rejected.
 
 Chosen: the state and the rejected rows are taken to be right with the same probability, once they have been rejected
-for `DOUBT_TIME_S`; before, the share grows with the square of the time: most rejections are short, and outliers."""
-DOUBT_TIME_S = 2.0
+for `REJECTION_TIME_OF_EVEN_DOUBT_S`; before, the share grows with the square of the time: most rejections
+are short, and outliers."""
+REJECTION_TIME_OF_EVEN_DOUBT_S = 2.0
 """Time of rejections after which the rows are as likely right as the state, s: they are then believed (`ekf.pyx`)."""
 MIN_POSITION_GAP_S = 2.0
 """Least duration of a gap between used positions, s. Chosen by hand; not fitted."""
@@ -42,7 +43,7 @@ WIDENED_STATES_BY_REJECTED_KIND = {
     Kind.HEADING: (HEADING,),
 }
 """States whose variance grows while rows of a kind are rejected."""
-N_RECENT_STEPS = 5
+N_STEPS_FOR_MEDIAN_STEP = 5
 """Number of last steps whose median is the usual step online. Chosen by hand; not fitted."""
 
 
@@ -84,7 +85,7 @@ def compute_state_flags(
         rows = np.flatnonzero(found == UpdateStatus.USED_AFTER_RESET)
         # the first row behind the last one that was believed before
         begins = rows if causal else np.append(-1, believed)[np.searchsorted(believed, rows)] + 1
-        mark(StateFlag.AFTER_RESET, time[begins], time[rows] + SETTLING_TIME_S)
+        mark(StateFlag.AFTER_RESET, time[begins], time[rows] + FLAGGED_TIME_AFTER_START_S)
     if causal:
         for s, found in zip(series, status, strict=True):
             mark(StateFlag.REJECTING, *begins_ends_and_rows_of_rejecting_spans(s, found)[:2])
@@ -96,9 +97,9 @@ def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> F
     """Return when the states behind each start (k,), s, have settled, (k,).
 
     They have when position, speed and heading have all been measured, at most `MAX_AGE_IN_WHOLE_START_STATE_S` before
-    the start, else after `SETTLING_TIME_S`.
+    the start, else after `FLAGGED_TIME_AFTER_START_S`.
     """
-    ends_s = np.asarray(started_s + SETTLING_TIME_S)
+    ends_s = np.asarray(started_s + FLAGGED_TIME_AFTER_START_S)
     position_s: list[FloatArray] = []
     speed_s: list[FloatArray] = []
     heading_s: list[FloatArray] = []
@@ -114,7 +115,7 @@ def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> F
             speed_s.append(time_s)
             over_ground = np.hypot(s.values[:, 0], s.values[:, 1])
             sigma = np.sqrt(np.maximum(s.noise[:, 0], s.noise[:, 2]))
-            heading_s.append(time_s[over_ground > np.maximum(1.0, MIN_COURSE_SIGMAS * sigma)])
+            heading_s.append(time_s[over_ground > np.maximum(1.0, MIN_VELOCITY_SIGMAS_FOR_COURSE * sigma)])
     if not (position_s and speed_s and heading_s):
         return ends_s
     whole_s = np.copy(started_s)
@@ -173,7 +174,10 @@ def add_variance_of_rejected_rows(
         first, last = np.searchsorted(output_s, begins), np.searchsorted(output_s, ends)
         time_s, used = s.time_s - s.latency_s, np.flatnonzero(status != UpdateStatus.GATED)
         since = np.append(-1, used)[np.searchsorted(used, rows)] + 1  # the first rejected row behind the last other one
-        share = REJECTED_ROW_SHARE * np.minimum((time_s[rows] - time_s[since]) / DOUBT_TIME_S, 1.0) ** 2
+        share = (
+            REJECTED_INNOVATION_SHARE_OF_VARIANCE
+            * np.minimum((time_s[rows] - time_s[since]) / REJECTION_TIME_OF_EVEN_DOUBT_S, 1.0) ** 2
+        )
         for begin, end, variance in zip(first.tolist(), last.tolist(), share * found[rows, 1], strict=True):
             for i in states:
                 grown[begin:end, i, i] += variance
@@ -220,8 +224,8 @@ def _median_step_s(time_s: FloatArray) -> FloatArray:
 
 def _recent_median_steps_s(time_s: FloatArray) -> FloatArray:
     """Return the median of the last few steps before each time, (n,), s; 0 where there is none."""
-    known = np.concatenate([np.full(N_RECENT_STEPS, np.nan), np.diff(time_s)])
-    recent = np.sort(np.lib.stride_tricks.sliding_window_view(known, N_RECENT_STEPS), axis=1)
+    known = np.concatenate([np.full(N_STEPS_FOR_MEDIAN_STEP, np.nan), np.diff(time_s)])
+    recent = np.sort(np.lib.stride_tricks.sliding_window_view(known, N_STEPS_FOR_MEDIAN_STEP), axis=1)
     count = np.isfinite(recent).sum(axis=1)
     middle = np.take_along_axis(recent, np.maximum((count - 1) // 2, 0)[:, None], axis=1)[:, 0]
     return np.asarray(np.nan_to_num(middle, nan=0.0))

@@ -24,13 +24,13 @@ MAX_BRIDGED_GAP_INTERVALS = 2.5
 """Longest pause of a slow source that is interpolated, in its median intervals. Chosen by hand; not fitted."""
 MIN_POSITION_SIGMA_M = 0.05
 """Least sigma of a position, m: that of `measurements.QUANTITIES`."""
-MIN_CHORD_SIGMAS = 6.0
+MIN_FIX_DISTANCE_FOR_COURSE_SIGMAS = 6.0
 """Least distance between two fixes, in sigmas of its noise, that gives a speed and a course. Chosen by hand."""
 SHARED_FIX_SIGMA_FACTOR = 1.5**0.5
 """The fix that ends a step begins the next one: the difference x2 - 2 x1 + x0 has 6 and not 4 variances of a fix."""
 VELOCITY_COURSE_SIGMA_RAD = 0.05
 """One sigma of the course of a GNSS velocity over a step of at least MIN_CHORD_M, rad: 0.1 m/s of some 2 m/s."""
-MIN_CHORD_M = 5.0
+MIN_FIX_DISTANCE_FOR_COURSE_M = 5.0
 """Least distance between two fixes that gives a speed and a course, m. Chosen: a car's length, to exclude parking."""
 
 
@@ -102,12 +102,12 @@ def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
         if s.kind is Kind.POSITION:
             displacement = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
             chord_sigma_m = math.sqrt(2.0) * np.fmax(noise_sigma_from_scatter_about_neighbours(s), MIN_POSITION_SIGMA_M)
-            least_m = max(MIN_CHORD_M, MIN_CHORD_SIGMAS * chord_sigma_m)
+            least_m = max(MIN_FIX_DISTANCE_FOR_COURSE_M, MIN_FIX_DISTANCE_FOR_COURSE_SIGMAS * chord_sigma_m)
         else:
             displacement = (
                 np.column_stack([means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
             )
-            chord_sigma_m, least_m = 0.0, MIN_CHORD_M
+            chord_sigma_m, least_m = 0.0, MIN_FIX_DISTANCE_FOR_COURSE_M
         distance = np.where(known, np.hypot(*displacement.T), np.nan)
         clear = np.where(distance > least_m, distance, np.nan)
         course = np.where(distance > least_m, np.arctan2(displacement[:, 1], displacement[:, 0]), np.nan)

@@ -11,7 +11,7 @@ MAX_GATED_ROW_SHARE = 0.05
 """Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
 MAX_BRIDGED_STATE_SHARE = 0.2
 """Share of bridged states that is reported as a fault. Chosen by hand; not fitted."""
-MAX_UNREPORTED_DELAY_S = 1.0
+MAX_UNREPORTED_STATE_DELAY_S = 1.0
 """Delay of a state from which on it is reported, s; chosen by hand."""
-MIN_LOG_SPAN_S = 60.0
+MIN_LOG_SPAN_FOR_SLOW_ERRORS_S = 60.0
 """Least span of a log in which slow errors are searched, s. Chosen: a slow error has to come and go a few times."""

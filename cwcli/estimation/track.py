@@ -114,7 +114,7 @@ MIN_WAIT_FOR_POSITION_TO_REFINE_START_S = 3.0
 """Time without a position after the start from which the start is refined, s. Chosen by hand; not fitted."""
 MAX_START_REFINEMENT_ROUNDS = 6
 """Greatest number of refinements of the start. Chosen by hand; not fitted."""
-START_CONVERGENCE_M = 0.5
+MAX_POSITION_CHANGE_OF_CONVERGED_START_M = 0.5
 """The start has converged when its position moves by less than this, m. Chosen by hand; not fitted."""
 WORKER_ENVIRONMENT_VARIABLE = "_CWCLI_WORKER"
 """Environment variable that is set in a worker of a run over many logs, where the other workers use the processors."""
@@ -465,7 +465,7 @@ def _refine_start_by_smoothing(tuned: TunedSeries, start: FilterStart, reset_aft
             break
         moved_m = float(np.hypot(*(state[:2] - start.state[:2])))
         start = replace(start, state=state)
-        if moved_m < START_CONVERGENCE_M:
+        if moved_m < MAX_POSITION_CHANGE_OF_CONVERGED_START_M:
             break
     return start
 

@@ -24,7 +24,7 @@ from cwcli.estimation.passes import (
     SensorSeries,
     build_pass_input,
 )
-from cwcli.estimation.score import GATE_PROBABILITY
+from cwcli.estimation.score import INNOVATION_CAP_PROBABILITY
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels import ekf
@@ -172,7 +172,7 @@ def _series_key(s: SensorSeries) -> Hashable:
 
 def with_outlier_gate(s: SensorSeries) -> SensorSeries:
     """Return the series with the gate of a search, which rejects only what no noise explains."""
-    return replace(s, gate_nis=nis_gate_limit(GATE_PROBABILITY, s.n_values_per_row))
+    return replace(s, gate_nis=nis_gate_limit(INNOVATION_CAP_PROBABILITY, s.n_values_per_row))
 
 
 def cut_to_window(s: SensorSeries, begin_s: float, end_s: float) -> SensorSeries:

@@ -16,8 +16,8 @@ from cwcli.estimation.calibrated import (
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.delay_variance import DelaySigmas, delay_sigmas_of_best_known_sources, unphysical_lead_of_fixes_s
 from cwcli.estimation.latency import (
+    MIN_SIGNIFICANT_SIGMAS,
     MS_PER_MINUTE_OF_UNIT_DRIFT,
-    SIGNIFICANT_SIGMAS,
     Latency,
     LatencyStatus,
     is_reference_of_each_series,
@@ -116,14 +116,14 @@ def tune_latencies_and_noise(
     )
 
     def of_three_sigma(latency: Latency) -> str:  # by the scatter over the log
-        reach_ms = 1e3 * SIGNIFICANT_SIGMAS * latency.reach_s
+        reach_ms = 1e3 * MIN_SIGNIFICANT_SIGMAS * latency.reach_s
         return f" (it may be up to {reach_ms:.0f} ms)" if np.isfinite(reach_ms) else ""
 
     unknown = (
         f"{s.source}: the latency of {s.kind.name.lower()} is not observable"
         # three sigma, by the scatter over the log
         + (
-            f" (it may be up to {1e3 * SIGNIFICANT_SIGMAS * latency.reach_s:.0f} ms)"
+            f" (it may be up to {1e3 * MIN_SIGNIFICANT_SIGMAS * latency.reach_s:.0f} ms)"
             if np.isfinite(latency.reach_s)
             else ""
         )

@@ -12,7 +12,7 @@ from cwcli.estimation.result import SourceReport, TrackSummary
 from cwcli.estimation.tolerances import (
     MAX_BRIDGED_STATE_SHARE,
     MAX_GATED_ROW_SHARE,
-    MIN_LOG_SPAN_S,
+    MIN_LOG_SPAN_FOR_SLOW_ERRORS_S,
     TOLERATED_SIGMA_FACTOR,
     TOLERATED_VARIANCE_FACTOR,
 )
@@ -87,7 +87,7 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
     if exception:
         agreed = "no contradiction"
     unchecked = [str(SourceQuantity(s.source, s.kind)) for s in sources if s.n_used and not s.is_checked]
-    if unchecked and track.span_s < MIN_LOG_SPAN_S and all(math.isnan(each.per_dof) for each in nees):
+    if unchecked and track.span_s < MIN_LOG_SPAN_FOR_SLOW_ERRORS_S and all(math.isnan(each.per_dof) for each in nees):
         # What no other source confirms may have any unit, sign or delay.
         agreed = f"too short to check {_join_names_with_and(unchecked)}; no contradiction otherwise"
     careful = [
@@ -153,7 +153,7 @@ def _exception_for_unseen_drift_text(track: TrackSummary, nees: Sequence[NeesOfQ
         )
         if not kinds & measuring_kinds
     ]
-    if track.span_s < MIN_LOG_SPAN_S:
+    if track.span_s < MIN_LOG_SPAN_FOR_SLOW_ERRORS_S:
         unseen = f"a slow drift, another scale or wrong axes of {positions.pop()}"
         return f"; in {track.span_s:.0f} s {unseen} may not show"
     if not missing:

@@ -31,7 +31,7 @@ MIN_RATIO_ERROR_IN_PRIOR_SIGMAS = 3.0
 significance tests."""
 MAX_WAY_WINDOW_S = 8.0
 """Longest window, s: a gyroscope's bias hardly bends the way in it. Chosen as the longest of
-`source_checks.STEP_LENGTHS_S`; a short log has five shorter ones."""
+`source_checks.COMPARED_STEP_LENGTHS_S`; a short log has five shorter ones."""
 MIN_FIXES_PER_WINDOW = 5
 """Least number of fixes in a window. Chosen by hand; not fitted."""
 MIN_RMS_SPREAD_OF_FIXES_M = 8.0

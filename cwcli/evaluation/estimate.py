@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.binding import ROLE_TEXT
+from cwcli.channels.binding import DESCRIPTION_BY_ROLE
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, driven_distance_m, read_vehicle_states
 from cwcli.estimation.consistency import effective_count_of_squared_errors, nees
@@ -126,7 +126,7 @@ def _truth_mounting_notes(truth: Signal) -> tuple[str, ...]:
 
 def _notes_on_unused_truth(read: SensorSignals) -> tuple[str, ...]:
     """Return notes on why no truth is used although there are candidates; the binding's note names another option."""
-    phrase = f" channels hold {ROLE_TEXT[Role.TRUTH]}: "
+    phrase = f" channels hold {DESCRIPTION_BY_ROLE[Role.TRUTH]}: "
     return tuple(
         f"{note.rpartition(';')[0]}; none is used (choose one with --truth)" for note in read.notes if phrase in note
     )

@@ -10,10 +10,10 @@ import numpy as np
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.evaluation.doubts.fixes import (
+    FIX_OFFSETS_RECORD_KEY,
     MAX_UNDOUBTED_OFFSET_SIGMAS,
     MIN_DOUBTED_OFFSET_M,
     MIN_LASTING_OFFSET_S,
-    RECORD_KEY,
 )
 from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.resample import resample
@@ -34,7 +34,7 @@ def fix_offsets_to_record_entry(measurements: Sequence[Measurements], ego: Track
         report = next((s for s in ego.sources if s.source == each.source and s.kind is Kind.POSITION), None)
         if each.kind is Kind.POSITION and report is not None:
             found += _largest_lasting_offset_as_document(each, report, ego)
-    return {RECORD_KEY: json.dumps(found)}
+    return {FIX_OFFSETS_RECORD_KEY: json.dumps(found)}
 
 
 def _largest_lasting_offset_as_document(

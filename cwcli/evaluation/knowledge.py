@@ -9,7 +9,7 @@ from cwcli.pipeline.records import Record, read_configuration, read_input_counts
 
 ONLINE, HINDSIGHT, TRUTH, SYSTEM = "online", "hindsight", "truth", "system"
 """Names of the knowledge behind states, as the table `metrics` has them."""
-STATE_ROLES = ("ego_state", "remote_state", "targets")
+ROLES_OF_STATES = ("ego_state", "remote_state", "targets")
 """Roles of inputs that are states."""
 
 
@@ -32,6 +32,6 @@ def online_or_hindsight_of_stage_output(record: Record) -> str:
 
 def online_or_hindsight_of_stage_input(records: Mapping[str, Record], record: Record) -> str:
     """Return the knowledge behind the states that a stage read, by the topics in its record."""
-    topics = {str(entry.get("topic")) for entry in read_input_counts(record) if entry.get("role") in STATE_ROLES}
+    topics = {str(entry.get("topic")) for entry in read_input_counts(record) if entry.get("role") in ROLES_OF_STATES}
     own = {topic for topic in topics if topic.startswith(OWN_TOPIC_PREFIX)} or {EGO_STATE.topic}
     return ONLINE if all(topic.endswith("/online") for topic in own) else online_or_hindsight_of_ego_states(records)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cwcli.channels.binding import is_truth_topic
-from cwcli.channels.lanes import SIDES, LaneRows, read_lanes
+from cwcli.channels.lanes import BOUNDARY_SIDES, LaneRows, read_lanes
 from cwcli.channels.published import LANES
 from cwcli.evaluation.evaluation_context import EvaluationContext
 from cwcli.logs.read.channels import ChannelInfo
@@ -52,7 +52,7 @@ def add_metrics(context: EvaluationContext) -> None:
         return
     found = lanes.found
     headline.add_share("lanes.found_share", found[:, 0] & found[:, 1])
-    for k, side in enumerate(SIDES):
+    for k, side in enumerate(BOUNDARY_SIDES):
         headline.add_share(f"lanes.{side}_found_share", found[:, k])
     width = lane_width_stability(lanes.lane_width_m)
     if width.n:
@@ -94,7 +94,7 @@ def _add_boundary_position_errors(
 ) -> None:
     """Add the lateral errors of both boundaries on the road against a rendered truth, at its distances."""
     errors: dict[float, list[float]] = {distance_m: [] for distance_m in EVALUATED_DISTANCES_M}
-    for k, side in enumerate(SIDES):
+    for k, side in enumerate(BOUNDARY_SIDES):
         if "ground_x_m" not in truth.fields or f"ground_{side}_y_m" not in truth.fields:
             return
         is_found = lanes.found[lane_rows, k]

@@ -30,7 +30,7 @@ UNEVALUATED_TIME_AFTER_START_S = 2.0
 """Time in s after each start of the observer whose frames are not evaluated. Chosen by hand; not fitted."""
 HALF_WIDTH_90_PERCENT_SIGMAS = 1.6448536269514722
 """Half-width of the central 90 % of a normal distribution, in sigmas."""
-METRIC_OF_STATE: dict[str, tuple[str, float]] = {
+METRIC_AND_FACTOR_BY_STATE: dict[str, tuple[str, float]] = {
     "lateral_speed_mps": ("observer.lateral_speed_rmse_mps", 1.0),
     "yaw_rate_radps": ("observer.yaw_rate_rmse_degps", math.degrees(1.0)),
     "lateral_deviation_m": ("observer.lateral_deviation_rmse_m", 1.0),
@@ -65,7 +65,7 @@ def add_metrics(context: EvaluationContext) -> None:
     if not len(columns[observer]) or not len(columns[truth]):
         return
     for row in build_truth_errors_table(read_observed_drive(columns[observer]).track, columns[truth]).rows_as_dicts():
-        name, scale = METRIC_OF_STATE.get(row["state"], ("", 1.0))
+        name, scale = METRIC_AND_FACTOR_BY_STATE.get(row["state"], ("", 1.0))
         if name and row["n"]:
             with headline.label_rows_with_states(comparison_label(ONLINE, TRUTH)):
                 headline.add_from_sums(name, (scale * row["rms"]) ** 2 * row["n"], row["n"])

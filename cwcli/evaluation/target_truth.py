@@ -21,7 +21,7 @@ from cwcli.tracking.tracker import TrackResult
 
 GOSPA_CUTOFF_M = 5.0
 """Cut-off distance of GOSPA, m. Chosen by hand; not fitted."""
-ERROR_COMPONENTS = (("x", "m"), ("y", "m"), ("vx", "m/s"), ("vy", "m/s"))
+TARGET_ERROR_NAMES_AND_UNITS = (("x", "m"), ("y", "m"), ("vx", "m/s"), ("vy", "m/s"))
 """Names and units of the components of a target's error."""
 MAX_TARGETS_SHOWN = 20
 """Greatest number of targets in the summary; chosen for a short table."""
@@ -126,7 +126,7 @@ def target_score_metric_rows(errors: TargetTruthScores) -> list[MetricRow]:
     topic, names, scores = errors.topic, errors.names, errors.scores
     for target in scores.targets:
         name = names[target.id]
-        for (quantity, unit), value in zip(ERROR_COMPONENTS, target.rmse, strict=True):
+        for (quantity, unit), value in zip(TARGET_ERROR_NAMES_AND_UNITS, target.rmse, strict=True):
             rows.append((name, topic, quantity, "rmse", value, unit))
         rows.append((name, topic, "position", "rmse", target.position_rmse_m, "m"))
         rows.append((name, topic, "velocity", "rmse", target.velocity_rmse_mps, "m/s"))

@@ -17,7 +17,7 @@ MIN_BRAKING_DURATION_S = 0.3
 """Shorter decelerations are shocks or errors of the state, s. Chosen by hand."""
 MAX_PAUSE_IN_BRAKING_S = 0.5
 """Decelerations with a shorter pause are one braking, s. Chosen by hand."""
-MAX_OTHER_DISTANCE_M = 100.0
+MAX_DISTANCE_OF_OTHER_BRAKING_M = 100.0
 """Another vehicle's braking counts within this distance of the ego, m. Chosen by hand."""
 
 
@@ -34,7 +34,7 @@ def find_other_braking(evidence: EventEvidence) -> Iterator[Moment]:
         actors = (evidence.ego_id, other_id)
         for moment in _find_braking(evidence.stamp_ns, pair.other_derivatives[:, 0], actors):
             first, last = np.searchsorted(evidence.stamp_ns, (moment.start_ns, moment.end_ns))
-            if (pair.distance_m[first : last + 1] < MAX_OTHER_DISTANCE_M).any():
+            if (pair.distance_m[first : last + 1] < MAX_DISTANCE_OF_OTHER_BRAKING_M).any():
                 yield moment
 
 
@@ -59,7 +59,7 @@ EGO_EVENT = EventKind(
     find=find_ego_braking,
 )
 OTHER_EVENT = EventKind(
-    summary=f"another vehicle within {MAX_OTHER_DISTANCE_M:g} m brakes hard",
+    summary=f"another vehicle within {MAX_DISTANCE_OF_OTHER_BRAKING_M:g} m brakes hard",
     value_name="peak_deceleration_mps2",
     threshold=f"{MIN_HARD_BRAKING_MPS2:g} m/s^2 for {MIN_BRAKING_DURATION_S:g} s",
     source="0.4 g, eventHardBraking of SAE J2735",

@@ -8,7 +8,7 @@ from cwcli.events.base import EventKind, Moment, severity_of
 from cwcli.events.evidence import EventEvidence
 from cwcli.signals.units import NS_PER_S
 
-MAX_AGREEING_OFFSET_S = 1.0
+MAX_OFFSET_OF_AGREEING_WARNINGS_S = 1.0
 """Warnings of both that are at most this far apart agree, s. Chosen by hand: a driver's reaction time."""
 DURATION_OF_SEVERITY_1_S = 1.0
 """A disagreement over this time has severity 1, s. Chosen by hand."""
@@ -21,7 +21,7 @@ def find_disagreements(evidence: EventEvidence) -> Iterator[Moment]:
     assert evidence.other_system is not None  # reading its warnings requires it
     for spans, against, kind in ((own, others, "only cwcli warns"), (others, own, "only the other warns")):
         for start_ns, end_ns in spans:
-            margin_ns = MAX_AGREEING_OFFSET_S * NS_PER_S
+            margin_ns = MAX_OFFSET_OF_AGREEING_WARNINGS_S * NS_PER_S
             if any(start_ns - margin_ns <= last and end_ns + margin_ns >= first for first, last in against):
                 continue
             lasted_s = (end_ns - start_ns) / NS_PER_S
@@ -33,7 +33,7 @@ def find_disagreements(evidence: EventEvidence) -> Iterator[Moment]:
 EVENT = EventKind(
     summary="one of two systems warns, the other does not",
     value_name="duration_s",
-    threshold=f"no warning of the other within {MAX_AGREEING_OFFSET_S:g} s",
+    threshold=f"no warning of the other within {MAX_OFFSET_OF_AGREEING_WARNINGS_S:g} s",
     source="chosen: a driver's reaction time",
     needs="warnings, --topic warning=",
     find=find_disagreements,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.binding import Bindings, bind_roles
-from cwcli.channels.lanes import SIDES
+from cwcli.channels.lanes import BOUNDARY_SIDES
 from cwcli.channels.published import EGO_STATE, LANES, WARNINGS
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events_with_known_start
@@ -135,12 +135,12 @@ class EventEvidence:
             MissingSignalError: The log holds no lanes.
         """
         self._require_topic(LANES.topic, "lane boundaries", "lanes")
-        names = [f"{side}.{name}" for side in SIDES for name in ("lateral_m", "found")]
+        names = [f"{side}.{name}" for side in BOUNDARY_SIDES for name in ("lateral_m", "found")]
         columns = self.log.columns(LANES.topic, ("stamp_ns", *names))
         stamp_ns = np.asarray(columns.fields["stamp_ns"]).astype(np.int64)
         left_m, right_m = (
             np.where(read_numbers(columns, f"{side}.found") > 0.0, read_numbers(columns, f"{side}.lateral_m"), np.nan)
-            for side in SIDES
+            for side in BOUNDARY_SIDES
         )
         return LaneDistances(stamp_ns, left_m, right_m)
 

@@ -27,7 +27,7 @@ MAX_REMAINING_HEADING_SHARE = 0.35
 N_ROWS_AROUND_HEADING_CHANGE = 10
 """Rows before and after the change of heading that belong to the lane change: 1 s, in which the heading hardly turns.
 Chosen by hand."""
-LANE_CHANGE_EDGE_SHARE = 0.05
+LANE_CHANGE_EDGE_DISTANCE_SHARE = 0.05
 """A lane change lasts from this share of its distance to the rest of it. Chosen by hand."""
 MAX_LANE_CHANGE_HEADING_RAD = 0.35
 """The heading changes by less than this within a lane change, rad. Chosen by hand: more is a turn."""
@@ -73,8 +73,8 @@ def _iter_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
         ):
             continue
         share = aside_m / shift_m
-        begin = first + int(np.argmax(share >= LANE_CHANGE_EDGE_SHARE))
-        end = last - int(np.argmax(share[::-1] <= 1.0 - LANE_CHANGE_EDGE_SHARE))
+        begin = first + int(np.argmax(share >= LANE_CHANGE_EDGE_DISTANCE_SHARE))
+        end = last - int(np.argmax(share[::-1] <= 1.0 - LANE_CHANGE_EDGE_DISTANCE_SHARE))
         duration_s = (end - begin) * PROJECTION_TIME_STEP_S
         if MIN_CHANGE_S <= duration_s <= MAX_CHANGE_S:
             last_end = last

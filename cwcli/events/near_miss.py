@@ -21,9 +21,9 @@ MIN_SPEED_IN_NEAR_MISS_MPS = 2.0
 """Slower meetings of both vehicles are manoeuvres in a car park, m/s. Chosen by hand."""
 MAX_PAUSE_IN_NEAR_MISS_S = 1.0
 """Moments with a shorter pause are one near miss, s. Chosen by hand."""
-MIN_NEAR_MISS_S = 0.1
+MIN_NEAR_MISS_DURATION_S = 0.1
 """Shorter ones are noise of the states, s. Chosen by hand."""
-MAX_PET_SEARCH_S = 10.0
+PET_SEARCH_HALF_WINDOW_S = 10.0
 """A post-encroachment time is looked for so far around the moment at which the two were closest, s. Chosen by hand."""
 
 
@@ -34,7 +34,9 @@ def find_near_misses(evidence: EventEvidence) -> Iterator[Moment]:
         speed_mps = np.fmax(evidence.ego_state[:, 2], pair.other_states[:, 2])
         ttc_s = np.asarray(pair.evaluate_measure(MEASURES["ttc"]))
         holds = (np.nan_to_num(ttc_s, nan=np.inf) < MAX_TTC_OF_NEAR_MISS_S) & (speed_mps > MIN_SPEED_IN_NEAR_MISS_MPS)
-        spans = lasting_row_spans(holds, pair.stamp_ns, min_s=MIN_NEAR_MISS_S, max_pause_s=MAX_PAUSE_IN_NEAR_MISS_S)
+        spans = lasting_row_spans(
+            holds, pair.stamp_ns, min_s=MIN_NEAR_MISS_DURATION_S, max_pause_s=MAX_PAUSE_IN_NEAR_MISS_S
+        )
         for first, last in spans:
             least_s = float(np.nanmin(ttc_s[first : last + 1]))
             severity = severity_of(least_s, MAX_TTC_OF_NEAR_MISS_S, "low")
@@ -49,7 +51,7 @@ def _find_small_post_encroachment(evidence: EventEvidence, other_id: str, actors
     """Yield the crossing of two ways with a small post-encroachment time."""
     pair = evidence.pair_with_ego(other_id)
     closest = int(np.nanargmin(pair.distance_m))
-    around = np.abs(pair.stamp_ns - pair.stamp_ns[closest]) < MAX_PET_SEARCH_S * NS_PER_S
+    around = np.abs(pair.stamp_ns - pair.stamp_ns[closest]) < PET_SEARCH_HALF_WINDOW_S * NS_PER_S
     rows = np.flatnonzero(around)
     stretch = pair.slice_rows(int(rows[0]), int(rows[-1]) + 1)
     pet_s = float(stretch.evaluate_measure(MEASURES["pet"]))

@@ -45,9 +45,9 @@ from cwcli.text import format_number
 
 EXPRESSION_NAME = "expression"
 """The name of the event in the results of an expression."""
-ALL_EVENTS = "all"
+ALL_EVENTS_NAME = "all"
 """The word for every named event but those that are parts of another one."""
-PARTS_OF_WARNING = ("warning-true", "warning-late", "warning-false", "warning-undecided")
+EVENTS_WITHIN_WARNING = ("warning-true", "warning-late", "warning-false", "warning-undecided")
 """Events that `warning` finds too."""
 EVENT_ID_HEX_DIGITS = 12
 """Length of an id, hexadecimal digits: two of a million events are equal with a probability of 0.2 %."""
@@ -124,8 +124,8 @@ def parse_query(text: str) -> Query:
         UsageError: It is no expression, a name is unknown, or a unit does not fit.
     """
     names = tuple(EVENTS)
-    if text.strip() == ALL_EVENTS:
-        every = tuple(name for name in names if name not in PARTS_OF_WARNING)
+    if text.strip() == ALL_EVENTS_NAME:
+        every = tuple(name for name in names if name not in EVENTS_WITHIN_WARNING)
         return Query(text, AndOr(tuple(map(EventName, every)), is_and=False), every, is_all=True)
     node = parse_expression(text, names)
     for comparison in _iter_comparisons(node):

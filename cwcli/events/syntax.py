@@ -20,7 +20,7 @@ import re
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
-    CONNECTIVES,
+    LOGICAL_WORDS,
     NUMBER_PATTERN,
     SIGN_PATTERN,
     AndOr,
@@ -32,11 +32,11 @@ from cwcli.metrics.condition_parser import (
 
 WINDOW_FUNCTIONS = ("min", "max", "mean")
 """Functions of a name's values in a time window that ends at each moment."""
-RELATIONS = ("after", "before", "of")
+WITHIN_RELATIONS = ("after", "before", "of")
 """Words behind `within TIME`: where the other condition holds relative to the moment."""
 MAX_TIME_WINDOW_S = 3600.0
 """Greatest length of a time window, s; chosen by hand: longer ones are the whole log."""
-UNITS = {
+UNIT_AND_FACTOR_BY_SPELLING = {
     "s": ("s", 1.0),
     "ms": ("s", 1e-3),
     "min": ("s", 60.0),
@@ -60,7 +60,7 @@ UNITS = {
     "%": ("", 1e-2),
 }
 """Unit behind a number -> the unit of the quantities that it fits, and the factor to it (SI; NIST SP 811)."""
-EXAMPLE = "for example 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps > 8', or 'cut-in'"
+EXPRESSION_EXAMPLE = "for example 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps > 8', or 'cut-in'"
 """Valid expressions, which the hints of syntax errors show."""
 
 _TOKEN = re.compile(
@@ -70,7 +70,9 @@ _TOKEN = re.compile(
 )
 """Pattern of one token after any white space: a number, a field of a topic, a name or a sign."""
 _UNIT = re.compile(
-    r"\s*(" + "|".join(re.escape(unit) for unit in sorted(UNITS, key=len, reverse=True)) + r")(?![\w/^(])"
+    r"\s*("
+    + "|".join(re.escape(unit) for unit in sorted(UNIT_AND_FACTOR_BY_SPELLING, key=len, reverse=True))
+    + r")(?![\w/^(])"
 )
 """Pattern of a unit behind a number."""
 
@@ -139,7 +141,7 @@ def event_names(node: Node) -> tuple[str, ...] | None:
 class _Parser(ConditionParser):
     """The parser of the grammar above."""
 
-    what, example, token = "an expression", EXAMPLE, _TOKEN
+    what, example, token = "an expression", EXPRESSION_EXAMPLE, _TOKEN
 
     def __init__(self, text: str, events: tuple[str, ...]) -> None:
         super().__init__(text)
@@ -154,7 +156,7 @@ class _Parser(ConditionParser):
             elif self.take_if_next("name", "within"):
                 within_s = self._parse_time()
                 kind, relation, _ = self.peek_token()
-                if kind != "name" or relation not in RELATIONS:
+                if kind != "name" or relation not in WITHIN_RELATIONS:
                     raise self.error_at_token("`after`, `before` or `of`")
                 self.next_token()
                 node = Near(node, within_s, relation, self._parse_plain_condition())
@@ -185,7 +187,7 @@ class _Parser(ConditionParser):
         kind, text, _ = self.peek_token()
         if kind == "number":
             return self._parse_number()
-        if kind not in ("name", "field") or text in {*CONNECTIVES, "for", "within", "over"}:
+        if kind not in ("name", "field") or text in {*LOGICAL_WORDS, "for", "within", "over"}:
             raise self.error_at_token("an event, a quantity or a number")
         self.next_token()
         if kind == "field" or self.peek_token()[1] != "(":
@@ -212,7 +214,7 @@ class _Parser(ConditionParser):
         if found is None:
             return Number(value)
         self.at = found.end()
-        unit, factor = UNITS[found[1]]
+        unit, factor = UNIT_AND_FACTOR_BY_SPELLING[found[1]]
         return Number(value * factor, unit)
 
     def _parse_time(self) -> float:

@@ -15,7 +15,7 @@ MAX_TIME_UNTIL_EGO_AT_CROSSING_S = 6.0
 """The ego comes to the place within this time, s. Chosen by hand: nobody waits for a longer one."""
 TIME_GAP_OF_SEVERITY_1_S = 3.0
 """A turn across has severity 1 at this time between both at the place, s. Chosen by hand."""
-MIN_TURN_RAD = np.radians(35.0)
+MIN_TURN_OF_OTHER_RAD = np.radians(35.0)
 """The other turns by at least this while it crosses and shortly before and after, rad. Chosen by hand."""
 MIN_CROSSING_ANGLE_RAD = np.radians(20.0)
 """Smallest angle between both ways, rad; smaller ones are lane changes. Chosen by hand."""
@@ -43,7 +43,7 @@ def find_turns_across(evidence: EventEvidence) -> Iterator[Moment]:
             turned_rad = float(np.ptp(turn_rad[around]))
             if (
                 abs(gap_s) > MAX_TIME_UNTIL_EGO_AT_CROSSING_S
-                or turned_rad < MIN_TURN_RAD
+                or turned_rad < MIN_TURN_OF_OTHER_RAD
                 or projected.speed_mps[row] < MIN_CROSSING_SPEED_MPS
             ):
                 continue

@@ -31,7 +31,7 @@ EGO_CONTENTS = ("ego", "ego-online")
 """Contents whose track is the host vehicle."""
 DEFAULT_VEHICLE_LENGTH_AND_WIDTH_M = (4.5, 1.8)
 """Length and width of vehicles of unknown size, m; chosen: the same as in the criticality measures."""
-OBJECT_HEIGHT_M = 1.5
+ASSUMED_VEHICLE_HEIGHT_M = 1.5
 """Height of all vehicles, m; chosen: no message holds one."""
 MAX_INTERPOLATED_STATE_GAP_S = 1.0
 """Longest time between two states that is interpolated, s; chosen by hand."""
@@ -126,7 +126,7 @@ def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int],
     nothing = np.zeros(len(owner))
     is_target = np.array([track.what == "targets" for track in tracks])[owner]
     triples = {
-        "position": (x_m, y_m, np.full(len(owner), 0.5 * OBJECT_HEIGHT_M)),
+        "position": (x_m, y_m, np.full(len(owner), 0.5 * ASSUMED_VEHICLE_HEIGHT_M)),
         "velocity": (speed * cosine, speed * sine, nothing),
         "acceleration": (accel * cosine - aside * sine, accel * sine + aside * cosine, nothing),
     }
@@ -138,7 +138,7 @@ def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int],
         **{f"base.{name}.yaw": angle for name, angle in angles.items()},
         "base.dimension.length": sizes[:, 0],
         "base.dimension.width": sizes[:, 1],
-        "base.dimension.height": np.full(len(owner), OBJECT_HEIGHT_M),
+        "base.dimension.height": np.full(len(owner), ASSUMED_VEHICLE_HEIGHT_M),
         "type": np.where(is_target, TYPE_OTHER, TYPE_VEHICLE),
         "vehicle_classification.type": np.full(len(owner), VEHICLE_OTHER),
         "source_reference": Repeated(

@@ -20,11 +20,11 @@ DEGREE_DECIMALS = 9
 """Decimals of an angle in degrees; chosen: 0.1 mm on the ground."""
 FORBIDDEN_XML_CHARACTERS = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Pattern of the characters that no XML document may hold, not even escaped (XML 1.0, 2.2)."""
-GPX_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
+GPX_DOCUMENT_START = """<?xml version="1.0" encoding="UTF-8"?>
 <gpx version="1.1" creator="cwcli" xmlns="http://www.topografix.com/GPX/1/1">
 """
 """Beginning of a GPX document."""
-KML_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
+KML_DOCUMENT_START = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
 <Document>
 """
@@ -118,7 +118,7 @@ def encode_kitti_poses(tracks: Sequence[Track]) -> bytes:
 
 def encode_gpx_tracks(tracks: Sequence[Track]) -> bytes:
     """Encode each track as a GPX 1.1 `trk` of one segment, without headings and speeds (topografix.com/GPX/1/1)."""
-    parts = [GPX_HEAD]
+    parts = [GPX_DOCUMENT_START]
     for track in tracks:
         parts.append(f"<trk><name>{escape(replace_forbidden_xml_characters(track.id))}</name><trkseg>\n")
         rows = zip(track.stamp_ns.tolist(), track.latitude_deg, track.longitude_deg, strict=True)
@@ -136,7 +136,7 @@ def encode_kml_tracks(tracks: Sequence[Track]) -> bytes:
 
     Source: OGC 07-147r2, and developers.google.com/kml/documentation/kmlreference (`gx:Track`, Google's extension).
     """
-    parts = [KML_HEAD]
+    parts = [KML_DOCUMENT_START]
     for track in tracks:
         parts.append(f"<Placemark><name>{escape(replace_forbidden_xml_characters(track.id))}</name><gx:Track>\n")
         parts += [f"<when>{format_iso_time(stamp_ns)}</when>\n" for stamp_ns in track.stamp_ns.tolist()]

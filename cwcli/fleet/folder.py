@@ -36,7 +36,7 @@ MANIFEST_NAME, RUN_TIMES_NAME, ENTRY_NAME, ANNOTATED_LOG_NAME, STAGED_TABLES_NAM
     "tables.arrows",
 )
 """Names of the files in the output folder."""
-ENDED = ("done", "failed")
+ENDED_LOG_STATUSES = ("done", "failed")
 """Statuses of a log that has ended; a manifest with one is that of a run that has ended, too."""
 SHARD_KEY = "shard"
 """Key of the manifest with the number of the shard and of all shards; a whole run has none."""
@@ -192,7 +192,7 @@ def read_output_folder(out: Path) -> RecordedRun | None:
         if folder is not None:
             folder.note_entry_as_input()
         # the manifest of a run that was killed knows of no log that has ended
-        own = folder.read_entry() if folder is not None and entry.get("status") not in ENDED else None
+        own = folder.read_entry() if folder is not None and entry.get("status") not in ENDED_LOG_STATUSES else None
         logs.append(RecordedLog(name, folder, own or entry))
     return RecordedRun(tuple(logs), _gates_of_manifest(manifest))
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from cwcli.errors import OutputError
 from cwcli.fleet.folder import (
-    ENDED,
+    ENDED_LOG_STATUSES,
     LOGS_FOLDER,
     MANIFEST_FORMAT,
     MANIFEST_NAME,
@@ -74,7 +74,7 @@ def read_index(out: Path, *, force: bool) -> Index:
     entries = {
         each["id"]: each
         for each in (listed if isinstance(listed, list) else [])
-        if isinstance(each, dict) and isinstance(each.get("id"), str) and each.get("status") in ENDED
+        if isinstance(each, dict) and isinstance(each.get("id"), str) and each.get("status") in ENDED_LOG_STATUSES
     }
     return Index(manifest, entries)
 

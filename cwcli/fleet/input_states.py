@@ -12,7 +12,7 @@ import stat
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-INPUTS_KEY = "inputs"
+INPUT_STATES_KEY = "inputs"
 """Key of `run_times.json` under which the states stand, because they differ from one machine to the next."""
 
 
@@ -46,7 +46,7 @@ def read_file_state(file: str | int) -> FileState | None:
 
 def file_states_from_run_times(run_times: Mapping[str, Any] | None) -> dict[str, FileState]:
     """Take the states from the content of `run_times.json`, by id of the log; what is no state is left out."""
-    recorded = (run_times or {}).get(INPUTS_KEY)
+    recorded = (run_times or {}).get(INPUT_STATES_KEY)
     states = {}
     for id, values in recorded.items() if isinstance(recorded, dict) else ():
         is_state = isinstance(values, dict) and values.keys() == set(FileState._fields)

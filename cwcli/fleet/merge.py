@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.fleet.folder import (
-    ENDED,
+    ENDED_LOG_STATUSES,
     MANIFEST_NAME,
     OTHER_FORMAT_HINT,
     RUN_TIMES_NAME,
@@ -24,7 +24,7 @@ from cwcli.fleet.folder import (
     write_json_object,
 )
 from cwcli.fleet.index import FOLDERS_WITH_RESULTS
-from cwcli.fleet.input_states import INPUTS_KEY
+from cwcli.fleet.input_states import INPUT_STATES_KEY
 from cwcli.fleet.remote_folder import StoreFolder, copy_remote_folder
 from cwcli.fleet.run import lock_folder
 from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, write_tables
@@ -35,9 +35,9 @@ from cwcli.temporary import TemporaryFile
 
 RUN_AGAIN_HINT = "run the shard again with the same command: it continues"
 """Advice on a shard that was killed."""
-COPIES_FOLDER = ".merge"
+SHARD_COPIES_FOLDER = ".merge"
 """Subfolder of the output folder with copies of shards from a store while they are merged; a run never uses it."""
-COMMON_KEYS = ("format", "cwcli", "run_id", "pipeline")
+MANIFEST_KEYS_OF_ALL_SHARDS = ("format", "cwcli", "run_id", "pipeline")
 """Keys of the manifest that all shards share."""
 
 
@@ -95,7 +95,7 @@ def _merge_into(folders: Sequence[str], target: Path, report: Callable[[int, int
     """Merge folders on this machine and in stores into one on this machine."""
     if not any(map(is_remote_url, folders)):
         return _merge_folders([Path(each) for each in folders], target, report)
-    is_new, scratch = not target.exists(), target / COPIES_FOLDER
+    is_new, scratch = not target.exists(), target / SHARD_COPIES_FOLDER
     with lock_folder(scratch):
         try:
             return _merge_folders([_local_folder(each, scratch) for each in folders], target, report)
@@ -126,7 +126,7 @@ def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int,
     _require_equal_runs(shards)
     _require_all_shards(shards)
     entries = _collect_entries(shards)
-    manifest = {key: shards[0].manifest[key] for key in COMMON_KEYS}
+    manifest = {key: shards[0].manifest[key] for key in MANIFEST_KEYS_OF_ALL_SHARDS}
     with lock_folder(target):
         _refuse_other_content(target, manifest, set(entries))
         pending = [
@@ -151,7 +151,11 @@ def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int,
 def _read_shard(path: Path) -> _ShardFolder:
     """Read the manifest of a shard; raise `InputError` if it holds none that this version can read."""
     manifest = read_json_object(path / MANIFEST_NAME)
-    if manifest is None or not isinstance(manifest.get("logs"), list) or not set(COMMON_KEYS) <= set(manifest):
+    if (
+        manifest is None
+        or not isinstance(manifest.get("logs"), list)
+        or not set(MANIFEST_KEYS_OF_ALL_SHARDS) <= set(manifest)
+    ):
         raise InputError(f"the folder holds no run (no {MANIFEST_NAME})", where=str(path))
     if what := format_mismatch_text_or_empty(manifest):
         raise InputError(what, where=str(path / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
@@ -215,7 +219,7 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Do
                 raise InputError(f"the log id {name!r} is not the name of a file", where=str(path / MANIFEST_NAME))
             folder = LogOutputs(path, name)
             entry = listed
-            if entry.get("status") not in ENDED:
+            if entry.get("status") not in ENDED_LOG_STATUSES:
                 raise InputError(f"the log {name} is not done", where=str(path), hint=RUN_AGAIN_HINT)
             if entry["status"] == "done" and not folder.is_log_done_with_key(
                 entry, str(entry.get("key")), has_tables=True
@@ -236,7 +240,7 @@ def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> 
     if known is None and not ours:
         return
     hint = "name a new folder with -d"
-    if known is None or any(known.get(key) != manifest[key] for key in COMMON_KEYS):
+    if known is None or any(known.get(key) != manifest[key] for key in MANIFEST_KEYS_OF_ALL_SHARDS):
         raise OutputError("the folder holds something else than this run", where=str(target), hint=hint)
     others = {each.get("id") for each in known.get("logs", []) if isinstance(each, dict)} - names
     if others:
@@ -299,12 +303,12 @@ def _merge_run_times(shards: Sequence[_ShardFolder]) -> Document:
     for path, _ in shards:
         document = read_json_object(path / RUN_TIMES_NAME) or {}
         times |= document["logs"] if isinstance(document.get("logs"), dict) else {}
-        states |= document[INPUTS_KEY] if isinstance(document.get(INPUTS_KEY), dict) else {}
+        states |= document[INPUT_STATES_KEY] if isinstance(document.get(INPUT_STATES_KEY), dict) else {}
         began += [document["began"]] if isinstance(document.get("began"), str) else []
         wall_s = max(wall_s, document["wall_s"] if isinstance(document.get("wall_s"), int | float) else 0.0)
     return {
         "began": min(began, default=""),
         "wall_s": wall_s,
         "logs": dict(sorted(times.items())),
-        INPUTS_KEY: dict(sorted(states.items())),
+        INPUT_STATES_KEY: dict(sorted(states.items())),
     }

@@ -17,9 +17,9 @@ NAME_DIGEST_HEX_DIGITS = 8
 """Hexadecimal digits of the hash that makes a changed name unique; chosen by hand."""
 PLAIN_UNICODE_CATEGORIES = frozenset({"Lu", "Ll", "Lt", "Lm", "Lo", "Mn", "Mc", "Nd"})
 """Unicode categories of letters, their marks, and digits."""
-_NOT_ONLY_A_NUMBER = re.compile(r"[A-DF-SU-Ya-df-su-y]|[^\W\d_a-zA-Z]")
+_LETTER_OF_NO_NUMBER_PATTERN = re.compile(r"[A-DF-SU-Ya-df-su-y]|[^\W\d_a-zA-Z]")
 """A letter that no number in text holds."""
-_READ_AS_A_VALUE = re.compile(r"(?i)nan|inf|infinity|null|true|false|none")
+_WORD_READ_AS_VALUE_PATTERN = re.compile(r"(?i)nan|inf|infinity|null|true|false|none")
 """Words that readers of tables take for a number, a missing value or a truth value."""
 _WINDOWS_DEVICE_NAMES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
 """Names of devices, which Windows allows for no file."""
@@ -35,7 +35,11 @@ def safe_file_name(text: str) -> str:
     composed = unicodedata.normalize("NFC", text)  # some file systems do so too: an accent is part of its letter
     with_gaps = "".join(char if _is_plain_character(char) else "\0" for char in composed)
     name = _cut_to_max_length(re.sub(r"^[\W_]+", "", re.sub("\0+", "_", with_gaps))).rstrip(".")
-    if not _NOT_ONLY_A_NUMBER.search(name) or _READ_AS_A_VALUE.fullmatch(name) or _WINDOWS_DEVICE_NAMES.fullmatch(name):
+    if (
+        not _LETTER_OF_NO_NUMBER_PATTERN.search(name)
+        or _WORD_READ_AS_VALUE_PATTERN.fullmatch(name)
+        or _WINDOWS_DEVICE_NAMES.fullmatch(name)
+    ):
         name = f"log-{name}".rstrip("-.")
         if name == f"log-{text}":
             return name

@@ -12,11 +12,11 @@ from cwcli.fleet.local import WorkerDied
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
 from cwcli.fleet.worker import process_log
 
-MAX_RETRIES = 1
+MAX_RETRIES_OF_LOG = 1
 """Repetitions of a log whose worker died; chosen as for local processes."""
-LOCAL_ADDRESS = "local"
+LOCAL_CLUSTER_ADDRESS = "local"
 """Address that means a new cluster on this machine."""
-CONNECT_TIMEOUT_S = 5.0
+CLUSTER_CONNECT_TIMEOUT_S = 5.0
 """Time after which a cluster counts as not answering, s; chosen by hand."""
 
 
@@ -38,7 +38,7 @@ def run_on_ray_cluster(
     """
     ray = _connect_to_ray(address, jobs)
     try:
-        remote = ray.remote(max_retries=MAX_RETRIES, num_cpus=1)(process_log)
+        remote = ray.remote(max_retries=MAX_RETRIES_OF_LOG, num_cpus=1)(process_log)
         shared = ray.put(plan)
         running = {remote.remote(task, shared): task for task in tasks}
         while running:
@@ -66,7 +66,7 @@ def _check_cluster_answers(address: str) -> None:
     """
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if port.isdecimal():
-        socket.create_connection((host.strip("[]"), int(port)), CONNECT_TIMEOUT_S).close()
+        socket.create_connection((host.strip("[]"), int(port)), CLUSTER_CONNECT_TIMEOUT_S).close()
 
 
 def _connect_to_ray(address: str, jobs: int | None) -> Any:
@@ -83,8 +83,8 @@ def _connect_to_ray(address: str, jobs: int | None) -> Any:
     }
     try:
         _check_cluster_answers(address)
-        if address == LOCAL_ADDRESS:
-            ray.init(address=LOCAL_ADDRESS, num_cpus=jobs, include_dashboard=False, **quiet)
+        if address == LOCAL_CLUSTER_ADDRESS:
+            ray.init(address=LOCAL_CLUSTER_ADDRESS, num_cpus=jobs, include_dashboard=False, **quiet)
         else:
             ray.init(address=address, **quiet)
     except (ConnectionError, RuntimeError, ValueError, OSError) as error:

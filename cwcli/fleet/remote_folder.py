@@ -18,7 +18,7 @@ from cwcli.logs.read.remote_errors import unreadable_url_error
 from cwcli.output import make_folder, open_output
 from cwcli.url import display_name_of_url
 
-FILE_OF_RUN = re.compile(
+RUN_FILE_PATTERN = re.compile(
     r"(manifest\.json|run_times\.json|views\.sql|[^/]+\.parquet|(details|tables)/[^/]+\.parquet"
     r"|logs/[^/]+/(annotated\.mcap|entry\.json|tables\.arrows))"
 )
@@ -129,7 +129,7 @@ class StoreFolder:
     def _fetch_earlier_run(self) -> None:
         """Fetch the files of an earlier run."""
         for name in _iter_names_below(self._system, self._base, self._url):
-            if not FILE_OF_RUN.fullmatch(name):
+            if not RUN_FILE_PATTERN.fullmatch(name):
                 continue
             own = self.path / name
             if own.name == ANNOTATED_LOG_NAME:
@@ -204,7 +204,7 @@ class StoreFolder:
         return sorted(
             name
             for name, path in found.items()
-            if FILE_OF_RUN.fullmatch(name) and self._states.get(name) != _file_state(path)
+            if RUN_FILE_PATTERN.fullmatch(name) and self._states.get(name) != _file_state(path)
         )
 
     def _gone_names(self, folder: str) -> list[str]:

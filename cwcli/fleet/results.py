@@ -22,11 +22,11 @@ from cwcli.fleet.folder import (
 )
 from cwcli.fleet.staged_tables import iter_staged_tables, list_staged_tables
 from cwcli.fleet.table_schemas import LOG_COLUMN
-from cwcli.fleet.tables import METRICS_TABLE, SUFFIX
+from cwcli.fleet.tables import METRICS_TABLE, TABLE_FILE_SUFFIX
 from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.recording import is_recording_folder
-from cwcli.metrics.headline import METRICS_TABLE_COLUMNS, OPTIONAL_COLUMNS
+from cwcli.metrics.headline import COLUMNS_MISSING_IN_EARLIER_VERSIONS, METRICS_TABLE_COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, MetricRow, metric_rows_by_name, notes_from_metadata
 from cwcli.metrics.table import Table, TableColumn
 from cwcli.url import display_name_of_url
@@ -186,7 +186,7 @@ class MetricsOfRun:
     """
 
     def __init__(self, out: Path, is_needed: Callable[[str], bool] | None = None) -> None:
-        self._path = out / f"{METRICS_TABLE}{SUFFIX}"
+        self._path = out / f"{METRICS_TABLE}{TABLE_FILE_SUFFIX}"
         self._is_needed = is_needed
         self._error: InputError | None = None
         self._rows: Mapping[str, Mapping[str, MetricRow]] | None = None
@@ -365,7 +365,9 @@ def _table_from_arrow(found: pa.Table, path: Path) -> Table:
     import pyarrow as pa
 
     missing = [
-        name for name in METRICS_TABLE_COLUMNS if name not in found.column_names and name not in OPTIONAL_COLUMNS
+        name
+        for name in METRICS_TABLE_COLUMNS
+        if name not in found.column_names and name not in COLUMNS_MISSING_IN_EARLIER_VERSIONS
     ]
     if missing:
         raise InputError(f"the table has no column {missing[0]}", where=str(path))

@@ -35,7 +35,7 @@ from cwcli.fleet.index import (
     split_in_unchanged_and_to_read,
 )
 from cwcli.fleet.input_states import (
-    INPUTS_KEY,
+    INPUT_STATES_KEY,
     FileState,
     file_states_to_document,
 )
@@ -201,7 +201,7 @@ def _run_into_folder(
             write_json_object(manifest, folder / MANIFEST_NAME, durable=True)
         _remove_staged_tables(folder, entries)
         took = {"began": began, "wall_s": round(time.monotonic() - begin, 3), "logs": dict(sorted(times.items()))}
-        write_json_object({**took, INPUTS_KEY: file_states_to_document(states)}, folder / RUN_TIMES_NAME)
+        write_json_object({**took, INPUT_STATES_KEY: file_states_to_document(states)}, folder / RUN_TIMES_NAME)
     return FleetResult(folder, manifest, statuses)
 
 

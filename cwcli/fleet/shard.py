@@ -14,9 +14,13 @@ T = TypeVar("T")
 """The type of what is shared out."""
 MAX_SHARDS = 100_000
 """Greatest number of shards; chosen by hand, above the limits of the schedulers."""
-FROM_ENVIRONMENT = "auto"
+SHARD_FROM_ENVIRONMENT = "auto"
 """Word for a number that an array job's scheduler sets."""
-INDEX_VARIABLES = {"JOB_COMPLETION_INDEX": 0, "AWS_BATCH_JOB_ARRAY_INDEX": 0, "SLURM_ARRAY_TASK_ID": None}
+FIRST_INDEX_BY_ENVIRONMENT_VARIABLE = {
+    "JOB_COMPLETION_INDEX": 0,
+    "AWS_BATCH_JOB_ARRAY_INDEX": 0,
+    "SLURM_ARRAY_TASK_ID": None,
+}
 """Environment variable with a job's number -> the first number; None: `SLURM_ARRAY_TASK_MIN` says it.
 
 Sources: indexed jobs of Kubernetes, array jobs of AWS Batch, sbatch of Slurm."""
@@ -48,7 +52,7 @@ def parse_shard(text: str, environment: Mapping[str, str] = os.environ) -> Shard
     count = int(count_text)
     if not 1 <= count <= MAX_SHARDS:
         raise UsageError(f"--shard {text}: the number of shards is not from 1 to {MAX_SHARDS}", hint=SHARD_FORM_HINT)
-    if index_text == FROM_ENVIRONMENT:
+    if index_text == SHARD_FROM_ENVIRONMENT:
         index = _index_from_environment(text, environment)
     elif re.fullmatch(r"[0-9]{1,6}", index_text):
         index = int(index_text)
@@ -65,7 +69,7 @@ def _index_from_environment(text: str, environment: Mapping[str, str]) -> int:
     Raises:
         UsageError: None has, or it is no number.
     """
-    for name, first in INDEX_VARIABLES.items():
+    for name, first in FIRST_INDEX_BY_ENVIRONMENT_VARIABLE.items():
         value = environment.get(name)
         if value is None:
             continue
@@ -73,5 +77,5 @@ def _index_from_environment(text: str, environment: Mapping[str, str]) -> int:
         if not (value.isascii() and value.isdigit() and start.isascii() and start.isdigit()):
             raise UsageError(f"--shard {text}: the environment variable {name} is not a number")
         return int(value) - int(start) + 1
-    names = ", ".join(INDEX_VARIABLES)
+    names = ", ".join(FIRST_INDEX_BY_ENVIRONMENT_VARIABLE)
     raise UsageError(f"--shard {text}: no array job has set a number", hint=f"set one of {names}, or name the shard")

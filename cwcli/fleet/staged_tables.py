@@ -1,6 +1,7 @@
 """The tables of one log, in one file from when the log is done until the tables of the run are written.
 
-The file holds Arrow streams one after the other, then an index in JSON, its length (8 bytes) and `END_MAGIC`.
+The file holds Arrow streams one after the other, then an index in JSON, its length (8 bytes) and
+`STAGED_TABLE_END_MAGIC`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from cwcli.output import open_output
 if TYPE_CHECKING:
     import pyarrow as pa
 
-END_MAGIC = b"CWTABLE1"
+STAGED_TABLE_END_MAGIC = b"CWTABLE1"
 """The last bytes of a file; chosen here."""
 STREAM_ALIGNMENT_BYTES = 64
 """Each stream begins at a multiple of this many bytes, as Arrow recommends for its buffers."""
@@ -61,7 +62,7 @@ def write_staged_tables(tables: Iterable[tuple[str, Table]], path: Path) -> None
             output.write(padding)
             offset += content.size + len(padding)
         encoded = json.dumps(index).encode()
-        output.write(encoded + len(encoded).to_bytes(8, "little") + END_MAGIC)
+        output.write(encoded + len(encoded).to_bytes(8, "little") + STAGED_TABLE_END_MAGIC)
 
 
 def decode_dictionaries(table: pa.Table) -> pa.Table:
@@ -91,11 +92,11 @@ def list_staged_tables(path: Path) -> list[StagedTable]:
     try:
         with pa.memory_map(str(path)) as source:
             size = source.size()
-            end = source.read_at(8 + len(END_MAGIC), max(size - 8 - len(END_MAGIC), 0))
+            end = source.read_at(8 + len(STAGED_TABLE_END_MAGIC), max(size - 8 - len(STAGED_TABLE_END_MAGIC), 0))
             length = int.from_bytes(end[:8], "little")
-            if end[8:] != END_MAGIC or length > size:
+            if end[8:] != STAGED_TABLE_END_MAGIC or length > size:
                 raise ValueError("its end is missing")
-            encoded = source.read_at(length, size - 8 - len(END_MAGIC) - length)
+            encoded = source.read_at(length, size - 8 - len(STAGED_TABLE_END_MAGIC) - length)
             return [StagedTable(str(name), str(kind), int(at)) for name, kind, at in json.loads(encoded)]
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"the tables of the log can't be read: {error}", where=str(path)) from error

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 METRICS_TABLE, DETAILS_FOLDER, TABLES_FOLDER = "metrics", "details", "tables"
 """The table of headline metrics, and the folders of the other tables."""
-SUFFIX = ".parquet"
+TABLE_FILE_SUFFIX = ".parquet"
 """Ending of a table's file."""
 VIEWS_NAME = "views.sql"
 """Name of the file with the views."""
@@ -50,10 +50,10 @@ ROWS_PER_GROUP, ROWS_PER_NESTED_GROUP = 65_536, 4_096
 """Rows of a row group, and of one with lists, which are larger. Chosen by hand: a few MB are held for each table."""
 ROWS_PER_READ = 4_096
 """Rows that are read at a time of each table of each shard. Chosen by hand: 8 shards hold some MB."""
-PIECES_PER_BLOCK = 256
+LOGS_PER_JOINED_BLOCK = 256
 """Rows of so many logs are joined to one block: each log's piece takes some kB of memory, however few its rows. Chosen
 by hand."""
-MAX_OPEN_FILES = 400
+MAX_OPEN_TABLE_FILES = 400
 """Number of files that are open at a time; chosen: below the 1,024 that most systems allow."""
 
 RowsOfLog = Callable[[str], Iterator[tuple[str, "pa.Table"]]]
@@ -108,7 +108,7 @@ class MergedRows:
         from pyarrow import parquet
 
         for name in iter_table_names(self._out) if ids else ():
-            path = self._out / f"{name}{SUFFIX}"
+            path = self._out / f"{name}{TABLE_FILE_SUFFIX}"
             try:
                 schema = parquet.read_schema(path)
             except (OSError, ValueError, pa.ArrowException) as error:
@@ -124,7 +124,9 @@ class MergedRows:
     def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
         """Return a function that yields the rows of a log from all tables."""
         readers = {
-            name: _RowsInOrder(self._out / f"{name}{SUFFIX}") for name in iter_table_names(self._out) if name in names
+            name: _RowsInOrder(self._out / f"{name}{TABLE_FILE_SUFFIX}")
+            for name in iter_table_names(self._out)
+            if name in names
         }
 
         def rows_of_log(id: str) -> Iterator[tuple[str, pa.Table]]:
@@ -199,7 +201,7 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
         for name, schema in source.iter_table_names_and_schemas(own_ids):
             schemas.setdefault(name, []).append(schema)
     names = sorted(schemas)
-    n_at_a_time = max(MAX_OPEN_FILES // (len(sources) + 1), 1)
+    n_at_a_time = max(MAX_OPEN_TABLE_FILES // (len(sources) + 1), 1)
     for k in range(0, len(names), n_at_a_time):
         some = frozenset(names[k : k + n_at_a_time])
         with AtomicGroup() as together, ExitStack() as stack:
@@ -230,7 +232,7 @@ class _TableWriter:
         import pyarrow as pa
         from pyarrow import parquet
 
-        path = out / f"{name}{SUFFIX}"
+        path = out / f"{name}{TABLE_FILE_SUFFIX}"
         make_folder(path.parent, parents=True)
         self._own, self._run_id = schema, run_id
         self._n_rows = ROWS_PER_NESTED_GROUP if has_nested_column(schema) else ROWS_PER_GROUP
@@ -261,7 +263,7 @@ class _TableWriter:
         columns = columns_in_types_of_schema(decode_dictionaries(rows), self._own)
         self._pieces.append(pa.Table.from_arrays([common[0], *columns, common[1], version], schema=self._schema))
         self._n_pending += n
-        if len(self._pieces) >= PIECES_PER_BLOCK:
+        if len(self._pieces) >= LOGS_PER_JOINED_BLOCK:
             self._pending.append(pa.concat_tables(self._pieces).combine_chunks())
             self._pieces = []
         if self._n_pending >= self._n_rows:
@@ -288,12 +290,12 @@ class _TableWriter:
 def iter_table_names(out: Path) -> Iterator[str]:
     """Yield the names of the tables in an output folder, sorted."""
     found = [path.relative_to(out) for pattern in ("*", f"{DETAILS_FOLDER}/*", f"{TABLES_FOLDER}/*")
-             for path in out.glob(f"{pattern}{SUFFIX}")]  # fmt: skip
-    yield from sorted(path.as_posix().removesuffix(SUFFIX) for path in found)
+             for path in out.glob(f"{pattern}{TABLE_FILE_SUFFIX}")]  # fmt: skip
+    yield from sorted(path.as_posix().removesuffix(TABLE_FILE_SUFFIX) for path in found)
 
 
 def _remove_table(out: Path, name: str) -> None:
-    path = out / f"{name}{SUFFIX}"
+    path = out / f"{name}{TABLE_FILE_SUFFIX}"
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
@@ -317,7 +319,7 @@ def are_tables_whole(out: Path, names: object) -> bool:
     """Whether all tables that a manifest names are there with their beginning and their end."""
     if not isinstance(names, list):
         return False
-    return all(isinstance(name, str) and _is_parquet_file_whole(out / f"{name}{SUFFIX}") for name in names)
+    return all(isinstance(name, str) and _is_parquet_file_whole(out / f"{name}{TABLE_FILE_SUFFIX}") for name in names)
 
 
 def _is_parquet_file_whole(path: Path) -> bool:
@@ -337,6 +339,6 @@ def duckdb_views_sql(names: Iterable[str]) -> str:
     for name in names:
         folder, _, own = name.rpartition("/")
         view = ".".join(filter(None, (folder, '"{}"'.format(own.replace('"', '""')))))
-        file = f"{name}{SUFFIX}".replace("'", "''")
+        file = f"{name}{TABLE_FILE_SUFFIX}".replace("'", "''")
         lines.append(f"create or replace view {view} as select * from read_parquet('{file}');")
     return "\n".join(lines) + "\n"

@@ -12,7 +12,7 @@ from typing import Any
 
 from cwcli.array_memory import bound_array_memory_and_get_old_handler
 from cwcli.digest.digest import build_digest
-from cwcli.digest.fleet import ENTRY_KEY, digest_to_entry
+from cwcli.digest.fleet import DIGEST_ENTRY_KEY, digest_to_entry
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.fleet.folder import (
@@ -151,7 +151,7 @@ def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogOutputs, entry: 
     write_staged_tables(_iter_all_tables(annotated, scores, tables, plan, entry), folder.staged_tables_path)
     _add_stages_inputs_and_tables_to_entry(outcome, entry)
     stages = [result.stage for result in outcome.results]
-    entry[ENTRY_KEY] = digest_to_entry(build_digest(annotated, stages, outcome.left_out, tables, is_run=True))
+    entry[DIGEST_ENTRY_KEY] = digest_to_entry(build_digest(annotated, stages, outcome.left_out, tables, is_run=True))
     return outputs
 
 

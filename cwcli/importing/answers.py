@@ -10,16 +10,16 @@ from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.readers.base import Recording
 from cwcli.importing.tables import Answers, SourceTable
-from cwcli.importing.units import FACTORS, find_unit
+from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT, find_unit
 
-SENSES = ("cw-north", "ccw-east")
+ANGLE_SENSES = ("cw-north", "ccw-east")
 """Senses of an angle."""
-TIME_BASES = ("1970", "2001", "gps", "week", "start")
+TIME_ORIGINS = ("1970", "2001", "gps", "week", "start")
 """The instants from which numbers of time may count."""
 
 
 def check_answers(answers: Answers, tables: Sequence[SourceTable | Recording]) -> Answers:
-    """Return the answers with their units spelled as in `FACTORS`.
+    """Return the answers with their units spelled as in `FACTOR_BY_KIND_AND_UNIT`.
 
     Raises:
         UsageError: An answer has a unit that its quantity can't have, or names a table or a column that there is not.
@@ -52,7 +52,7 @@ def _accepted_names_of_table(table: SourceTable | Recording) -> tuple[str, ...]:
 
 
 def _known_unit(quantity: str, column: str, text: str) -> str:
-    """Return a unit as `FACTORS` spells it, with its sense or base behind it; "" for none.
+    """Return a unit as `FACTOR_BY_KIND_AND_UNIT` spells it, with its sense or base behind it; "" for none.
 
     Raises:
         UsageError: There is no such unit.
@@ -60,12 +60,12 @@ def _known_unit(quantity: str, column: str, text: str) -> str:
     if not text:
         return ""
     kind = QUANTITIES[quantity].kind
-    units = FACTORS.get(kind, {})
-    if unit := text if text in units else find_unit(text, kind) if kind in FACTORS else "":
+    units = FACTOR_BY_KIND_AND_UNIT.get(kind, {})
+    if unit := text if text in units else find_unit(text, kind) if kind in FACTOR_BY_KIND_AND_UNIT else "":
         return unit
-    ends = SENSES if quantity in {"course", "heading"} else TIME_BASES if kind == "time" else ()
+    ends = ANGLE_SENSES if quantity in {"course", "heading"} else TIME_ORIGINS if kind == "time" else ()
     head, dash, end = text.partition("-")
-    unit = head if head in units else find_unit(head, kind) if kind in FACTORS else ""
+    unit = head if head in units else find_unit(head, kind) if kind in FACTOR_BY_KIND_AND_UNIT else ""
     if dash and unit and end in ends:
         return f"{unit}-{end}"
     known = [f"{unit}-{end}" for unit in units for end in ends] if quantity in {"course", "heading"} else list(units)

@@ -13,9 +13,9 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from cwcli.bounded_process import ERROR_CLASSES, Limits, cpu_limit_for_file_size_s, run_bounded
+from cwcli.bounded_process import ERROR_CLASS_BY_NAME, Limits, cpu_limit_for_file_size_s, run_bounded
 from cwcli.errors import InputError
-from cwcli.importing.progress_shares import READING_SHARE, ShareReport, follow_shares
+from cwcli.importing.progress_shares import READING_TIME_SHARE, ShareReport, follow_shares
 from cwcli.importing.readers import load_kind
 from cwcli.importing.readers.base import FileHead
 from cwcli.importing.run import plan_import, write_import
@@ -24,7 +24,7 @@ from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 from cwcli.work_share import follow_work, part_of_work
 
-FUNCTION = "cwcli.importing.bounded_import:import_requested_files_in_own_process"
+IMPORT_FUNCTION = "cwcli.importing.bounded_import:import_requested_files_in_own_process"
 """The function that the process runs."""
 MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 400_000_000, 20
 """Memory of the process, and more for each byte of the files: a table is held as columns of numbers. Chosen by hand:
@@ -103,7 +103,7 @@ def import_files(
         "stdout": None,
         "progress": None,
     }
-    classes = ERROR_CLASSES | {AmbiguousError.__name__: AmbiguousError}
+    classes = ERROR_CLASS_BY_NAME | {AmbiguousError.__name__: AmbiguousError}
     descriptors = []
     try:
         if target == "-":
@@ -114,7 +114,7 @@ def import_files(
         if progress is not None:
             request["progress"] = shares_out = follow_shares(progress)
             descriptors.append(shares_out)
-        answer = run_bounded(FUNCTION, request, limits, name, descriptors=descriptors, classes=classes)
+        answer = run_bounded(IMPORT_FUNCTION, request, limits, name, descriptors=descriptors, classes=classes)
     finally:
         for descriptor in descriptors:
             os.close(descriptor)
@@ -135,7 +135,7 @@ def import_requested_files_in_own_process(request: dict[str, Any]) -> dict[str, 
     if request["stdout"] is not None:
         os.dup2(request["stdout"], 1)
     bound_array_memory_and_get_old_handler()
-    report = ShareReport(request["progress"], READING_SHARE if request["target"] is not None else 1.0)
+    report = ShareReport(request["progress"], READING_TIME_SHARE if request["target"] is not None else 1.0)
     requested_answers = request["answers"]
     columns = {(table, quantity): (column, unit) for table, quantity, column, unit in requested_answers["columns"]}
     answers = Answers(**{**requested_answers, "columns": columns, "dbc": tuple(requested_answers["dbc"])})
@@ -145,7 +145,7 @@ def import_requested_files_in_own_process(request: dict[str, Any]) -> dict[str, 
         with report.follow_reading(request["files"]):
             plan = plan_import(request["files"], answers)
         if request["target"] is not None:
-            with follow_work(report.report_share), part_of_work(READING_SHARE, 1.0, "messages"):
+            with follow_work(report.report_share), part_of_work(READING_TIME_SHARE, 1.0, "messages"):
                 write_import(plan, request["target"], force=request["force"], inputs=inputs)
             sys.stdout.flush()
     return {

@@ -14,7 +14,7 @@ import numpy as np
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import TrackSpans, mean_over_spans, turn_rate_units_per_radps_and_correlation
 from cwcli.importing.tables import UNKNOWN_UNIT, Guess, UnitChoice
-from cwcli.importing.units import FACTORS
+from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
@@ -90,7 +90,7 @@ def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: 
         return None
     for axis, column in zip("xyz", columns, strict=True):
         meaning.guesses.append(Guess(f"{accel_or_gyro}_{axis}", column, *choice))
-    return values * FACTORS[kind][choice.unit]
+    return values * FACTOR_BY_KIND_AND_UNIT[kind][choice.unit]
 
 
 def _accelerations_at_turn_rate_stamps(meaning: Meaning, other: Meaning, specific_force: FloatArray) -> FloatArray:
@@ -120,7 +120,7 @@ def _choose_accel_unit_or_ask(meaning: Meaning, columns: list[str], values: Floa
     norm = float(np.nanmedian(np.sqrt((values**2).sum(axis=1))))
     fitting = [
         each
-        for each, factor in FACTORS["acceleration"].items()
+        for each, factor in FACTOR_BY_KIND_AND_UNIT["acceleration"].items()
         if abs(norm * factor / STANDARD_GRAVITY_MPS2 - 1.0) < MAX_RELATIVE_GRAVITY_ERROR_OF_UNIT
     ]
     if stated.unit:
@@ -159,7 +159,7 @@ def _choose_gyro_unit_or_ask(
     )
     if abs(best[1]) > MIN_CORRELATION_TO_SHOW_AXIS:
         for each in ("radps", "degps"):
-            if 0.6 < abs(best[0]) * FACTORS["turn rate"][each] < 1.6:
+            if 0.6 < abs(best[0]) * FACTOR_BY_KIND_AND_UNIT["turn rate"][each] < 1.6:
                 return UnitChoice(each, "likely", f"{abs(best[0]):.3g} of it make 1 rad/s of the course")
     meaning.add_question(
         f"{columns[0]!r} has no unit, and its size ({size:.3g}) fits rad/s and deg/s",

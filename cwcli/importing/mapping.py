@@ -24,9 +24,11 @@ from cwcli.importing.tables import Answers, Guess
 from cwcli.input import read_file
 from cwcli.toml_text import MAX_TOML_FILE_CHARS, parse_toml
 
-HEAD = "# How these files were read. Edit it and give it again: cwcli import FILES -o LOG --mapping THIS\n"
+MAPPING_FILE_FIRST_LINE = (
+    "# How these files were read. Edit it and give it again: cwcli import FILES -o LOG --mapping THIS\n"
+)
 """First line of a mapping file."""
-CHOICES = {"date_order": ("dmy", "mdy", "ymd"), "decimal": (".", ",")}
+VALUES_BY_ANSWER = {"date_order": ("dmy", "mdy", "ymd"), "decimal": (".", ",")}
 """Answer -> all its values, where they are few."""
 _TEXT_ANSWERS = tuple(field.name for field in fields(Answers) if field.name not in {"columns", "dbc"})
 
@@ -76,8 +78,8 @@ def read_mapping(path: str) -> Answers:
     for key, value in answers.items():
         if key == "dbc" and isinstance(value, list):
             values["dbc"] = tuple(str(each) for each in value)
-        elif key in _TEXT_ANSWERS and isinstance(value, str) and value not in CHOICES.get(key, (value,)):
-            raise UsageError(f"answers.{key}: {value!r} is none of {', '.join(CHOICES[key])}", where=path)
+        elif key in _TEXT_ANSWERS and isinstance(value, str) and value not in VALUES_BY_ANSWER.get(key, (value,)):
+            raise UsageError(f"answers.{key}: {value!r} is none of {', '.join(VALUES_BY_ANSWER[key])}", where=path)
         elif key in _TEXT_ANSWERS and isinstance(value, str):
             values[key] = value
         else:
@@ -124,7 +126,7 @@ def format_mapping(answers: Answers, tables: Sequence[tuple[str, Sequence[Guess]
     Args:
         tables: Name of each table, and its guesses.
     """
-    lines = [HEAD]
+    lines = [MAPPING_FILE_FIRST_LINE]
     said = {name: getattr(answers, name) for name in _TEXT_ANSWERS if getattr(answers, name)}
     if said or answers.dbc:
         lines.append("[answers]")

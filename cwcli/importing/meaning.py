@@ -11,7 +11,7 @@ from cwcli.importing.load import LoadedTable
 from cwcli.importing.motion import TrackSpans
 from cwcli.importing.names import QUANTITIES, split_name, unit_of_name
 from cwcli.importing.tables import Answers, Guess, Question, UnitChoice
-from cwcli.importing.units import FACTORS, find_unit
+from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT, find_unit
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 
@@ -19,7 +19,7 @@ MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS = 1e-4
 """Largest relative difference of two columns that count as the same quantity. Chosen by hand: rounding of a text
 changes less."""
 
-CONVERTED_SHARE = 0.01
+MAX_RELATIVE_DIFFERENCE_OF_CONVERTED_COLUMNS = 0.01
 """The same for two columns in different units, which are rounded one by one. Chosen by hand: 0.1 mph is less."""
 
 
@@ -96,11 +96,11 @@ class Meaning:
         if _do_columns_hold_same_values(*numbers, MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS):
             return True
         units = [self.stated_unit(quantity, column).unit for column in (first, second)]
-        factors = FACTORS.get(QUANTITIES[quantity].kind, {})
+        factors = FACTOR_BY_KIND_AND_UNIT.get(QUANTITIES[quantity].kind, {})
         if units[0] == units[1] or not all(unit in factors for unit in units):
             return False
         scaled = [values * factors[unit] for values, unit in zip(numbers, units, strict=True)]
-        return _do_columns_hold_same_values(scaled[0], scaled[1], CONVERTED_SHARE)
+        return _do_columns_hold_same_values(scaled[0], scaled[1], MAX_RELATIVE_DIFFERENCE_OF_CONVERTED_COLUMNS)
 
     def stated_unit(self, quantity: str, column: str) -> UnitChoice:
         """Return the unit of a column that the user, the format or the header states; "" where nothing does."""
@@ -126,7 +126,7 @@ class Meaning:
 
     def add_scaled_quantity(self, quantity: str, column: str, choice: UnitChoice) -> None:
         """Add a quantity whose unit is a factor."""
-        factor = FACTORS[QUANTITIES[quantity].kind][choice.unit]
+        factor = FACTOR_BY_KIND_AND_UNIT[QUANTITIES[quantity].kind][choice.unit]
         values = self.unscaled_numbers(column) if factor == 1.0 else self.unscaled_numbers(column) * factor
         self.add_quantity(quantity, values, Guess(quantity, column, *choice))
 

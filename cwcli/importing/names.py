@@ -18,7 +18,7 @@ class Quantity:
     """What a column can be.
 
     Attributes:
-        kind: Kind of its unit, a key of `cwcli.importing.units.FACTORS`, or `text`.
+        kind: Kind of its unit, a key of `cwcli.importing.units.FACTOR_BY_KIND_AND_UNIT`, or `text`.
         nouns: Words of which exactly one is in the name.
         beside: Words that may stand beside it.
     """
@@ -33,19 +33,21 @@ def _quantity(kind: str, nouns: str, *beside: str) -> Quantity:
     return Quantity(kind, frozenset(nouns.split()), frozenset(" ".join(beside).split()))
 
 
-_RECEIVER = (
+_RECEIVER_WORDS = (
     "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx osd"
 )
-_CAR = "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
-_TIME_BESIDE = (
+_CAR_WORDS = (
+    "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
+)
+_WORDS_BESIDE_TIME = (
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
     "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date "
     "fly flight osd marca de step"
 )
-_PLACE_BESIDE = "pos position local map utm enu global world vehicle veh ego car"
+_WORDS_BESIDE_PLACE = "pos position local map utm enu global world vehicle veh ego car"
 _AXIS_NOUNS_OF_ACCEL = "gforce acceleration accelerometer accel acc accelerations"
 _AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega"
-_IMU_BESIDE = (
+_WORDS_BESIDE_IMU = (
     "imu linear raw uncal calibrated body sensor rotation rate angular velocity vel total with g specific force user"
 )
 
@@ -57,7 +59,7 @@ QUANTITIES: dict[str, Quantity] = {
             "tijdstip tijdstempel temps horodatage heure tiempo hora ora tempo tid tidpunkt czas ts timeofday "
             "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"
         ),
-        _TIME_BESIDE,
+        _WORDS_BESIDE_TIME,
         "time stamp timestamp week of day seconds second millis nanos uhrzeit",
     ),
     "date": _quantity("text", "date datum day fecha data dato", "utc gps gmt local"),
@@ -65,7 +67,7 @@ QUANTITIES: dict[str, Quantity] = {
     "latitude": _quantity(
         "place",
         "latitude lat latitud latitudine breite breitengrad breedtegraad bredde breddegrad",
-        _RECEIVER,
+        _RECEIVER_WORDS,
         "n s ns",
     ),
     "longitude": _quantity(
@@ -74,15 +76,15 @@ QUANTITIES: dict[str, Quantity] = {
             "longitude longtitude lon lng long longitud longitudine länge laenge längengrad laengengrad lengtegraad "
             "længde længdegrad lengdegrad"
         ),
-        _RECEIVER,
+        _RECEIVER_WORDS,
         "e w ew",
     ),
-    "latitude_half": _quantity("text", "ns latdir lathem", _RECEIVER, "indicator hemisphere"),
-    "longitude_half": _quantity("text", "ew londir lonhem longdir", _RECEIVER, "indicator hemisphere"),
+    "latitude_half": _quantity("text", "ns latdir lathem", _RECEIVER_WORDS, "indicator hemisphere"),
+    "longitude_half": _quantity("text", "ew londir lonhem longdir", _RECEIVER_WORDS, "indicator hemisphere"),
     "altitude": _quantity(
         "length",
         "altitude alt height elevation ele hmsl höhe hoehe hoogte altura altitud altitudine quota hauteur",
-        _RECEIVER,
+        _RECEIVER_WORDS,
         "msl above sea level ellipsoid ellipsoidal wgs hae mean asl amsl ü über nn nhn normalnull",
     ),
     "speed": _quantity(
@@ -91,43 +93,45 @@ QUANTITIES: dict[str, Quantity] = {
             "speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad velocidade velocità "
             "velocita snelheid hastighet hastighed prędkość rychlost"
         ),
-        _RECEIVER,
-        _CAR,
+        _RECEIVER_WORDS,
+        _CAR_WORDS,
         "over ground 2d horizontal horiz h forward longitudinal long linear",
     ),
-    "velocity_east": _quantity("speed", "vele ve veast", _RECEIVER),
-    "velocity_north": _quantity("speed", "veln vn vnorth", _RECEIVER),
+    "velocity_east": _quantity("speed", "vele ve veast", _RECEIVER_WORDS),
+    "velocity_north": _quantity("speed", "veln vn vnorth", _RECEIVER_WORDS),
     "course": _quantity(
         "angle",
         "course cog bearing headmot direction richtung kurs cmg cap rumbo rumo koers direzione rotta dirección",
-        _RECEIVER,
+        _RECEIVER_WORDS,
         "over ground track true motion of",
     ),
     "heading": _quantity(
         "angle",
         "heading hdg yaw azimuth psi headveh",
-        _RECEIVER,
-        _CAR,
+        _RECEIVER_WORDS,
+        _CAR_WORDS,
         "true angle compass orientation north attitude of motion euler ins imu",
     ),
-    "yaw_rate": _quantity("turn rate", "yawrate yawrt gierrate yawvel", _CAR, _RECEIVER, "imu"),
-    "steering": _quantity("angle", "steering steer lenkwinkel steeringangle", _CAR, "angle wheel road tire tyre front"),
+    "yaw_rate": _quantity("turn rate", "yawrate yawrt gierrate yawvel", _CAR_WORDS, _RECEIVER_WORDS, "imu"),
+    "steering": _quantity(
+        "angle", "steering steer lenkwinkel steeringangle", _CAR_WORDS, "angle wheel road tire tyre front"
+    ),
     **{
         f"accel_{axis}": _quantity(
-            "acceleration", f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis} gf{axis}", _IMU_BESIDE
+            "acceleration", f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis} gf{axis}", _WORDS_BESIDE_IMU
         )
         for axis in "xyz"
     },
     **{
         f"gyro_{axis}": _quantity(
-            "turn rate", f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}", _IMU_BESIDE
+            "turn rate", f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}", _WORDS_BESIDE_IMU
         )
         for axis in "xyz"
     },
     **{f"quaternion_{axis}": _quantity("number", f"q{axis}") for axis in "xyzw"},
-    "x": _quantity("length", "x easting east xeast utmx posx positionx px tx", _PLACE_BESIDE),
-    "y": _quantity("length", "y northing north ynorth utmy posy positiony py ty", _PLACE_BESIDE),
-    "z": _quantity("length", "z posz positionz pz tz", _PLACE_BESIDE),
+    "x": _quantity("length", "x easting east xeast utmx posx positionx px tx", _WORDS_BESIDE_PLACE),
+    "y": _quantity("length", "y northing north ynorth utmy posy positiony py ty", _WORDS_BESIDE_PLACE),
+    "z": _quantity("length", "z posz positionz pz tz", _WORDS_BESIDE_PLACE),
     **{
         part: _quantity("number", nouns, "utc gps gmt local")
         for part, nouns in {
@@ -171,7 +175,7 @@ _PAIRS_BY_WORD = {
     "gfz": "g fz",
 }
 """One word -> the pairs of words that mean it."""
-_JOINED = {tuple(pair.split()): word for word, pairs in _PAIRS_BY_WORD.items() for pair in pairs.split(", ")}
+_WORD_OF_WORD_PAIR = {tuple(pair.split()): word for word, pairs in _PAIRS_BY_WORD.items() for pair in pairs.split(", ")}
 """Two words that mean one."""
 _PATH_WORDS = frozenset(
     {
@@ -248,8 +252,8 @@ def split_name(name: str) -> NamedColumn:
     joined: list[str] = []
     for word in [part for each in words for part in _word_without_number_at_end(each)]:
         pair = (joined[-1], word) if joined else ("", "")
-        if pair in _JOINED:
-            joined[-1] = _JOINED[pair]
+        if pair in _WORD_OF_WORD_PAIR:
+            joined[-1] = _WORD_OF_WORD_PAIR[pair]
         else:
             joined.append(word)
     return NamedColumn(tuple(word for word in joined if word), unit)

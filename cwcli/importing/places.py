@@ -14,7 +14,7 @@ from cwcli.importing.motion import (
     spans_of_map_points,
 )
 from cwcli.importing.tables import UNKNOWN_UNIT, Guess, UnitChoice
-from cwcli.importing.units import FACTORS
+from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_count
@@ -38,7 +38,7 @@ MIN_MOVING_SPANS_TO_COMPARE_ANGLES = 10
 MAX_STEP_SPEED_MPS, MIN_JUMP_M = 150.0, 100.0
 """Speed in m/s and way in m beyond which the step to the next position is a jump. Chosen by hand: faster than cars, and
 more than a receiver's reflections."""
-MAX_JUMP_SHARE = 0.2
+MAX_JUMP_SHARE_OF_ONE_TRACK = 0.2
 """Largest share of jumps in a track of one vehicle. Chosen by hand: two tracks in turns have a half or more, and
 a receiver with bad view has single ones."""
 MAX_TRACK_NAMES = 100
@@ -98,7 +98,7 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
         if choice.unit == "ddmm":
             whole = np.trunc(values[quantity] / 100.0)
             values[quantity] = whole + (values[quantity] - 100.0 * whole) / 60.0
-        elif (factor := FACTORS["place"][choice.unit]) != 1.0:
+        elif (factor := FACTOR_BY_KIND_AND_UNIT["place"][choice.unit]) != 1.0:
             values[quantity] = values[quantity] * factor
         values[quantity] = _apply_hemisphere_sign(meaning, values[quantity], f"{quantity}_half")
         units[quantity] = choice
@@ -131,7 +131,7 @@ def _ask_if_positions_alternate(meaning: Meaning, values: dict[str, FloatArray])
     way_m = np.hypot(np.diff(east_m), np.diff(north_m))
     step_s = np.diff(meaning.stamp_ns[keep]) / NS_PER_S
     is_jump = way_m > np.maximum(MAX_STEP_SPEED_MPS * step_s, MIN_JUMP_M)
-    if np.count_nonzero(is_jump) <= MAX_JUMP_SHARE * len(way_m):
+    if np.count_nonzero(is_jump) <= MAX_JUMP_SHARE_OF_ONE_TRACK * len(way_m):
         return
     usual_m = np.median(way_m[is_jump])
     what = f"{np.count_nonzero(is_jump)} of {len(way_m)} positions are {usual_m:,.0f} m from the one before"
@@ -256,7 +256,7 @@ def _find_altitude(meaning: Meaning) -> None:
     meaning.chosen["altitude"] = column
     if len(columns) > 1:
         meaning.notes.append(f"height is {column!r}; {', '.join(map(repr, columns[1:]))} left out")
-    scale = FACTORS["length"][choice.unit]
+    scale = FACTOR_BY_KIND_AND_UNIT["length"][choice.unit]
     if float(np.nanmax(np.abs(meaning.unscaled_numbers(column)))) * scale > MAX_ROAD_ALTITUDE_M:
         meaning.notes.append(
             f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is not a height in m"

@@ -16,13 +16,13 @@ _LETTER_BEHIND = rf"(?P<lat>(?:{_ANGLE}|{_NUMBER}\s*°?)\s*[NS])\s*[,;/]?\s*(?P<
 _LETTER_BEFORE = rf"(?P<lat>[NS]\s*(?:{_ANGLE}|{_NUMBER}\s*°?))\s*[,;/]?\s*(?P<lon>[EW]\s*(?:{_ANGLE}|{_NUMBER}\s*°?))"
 _POINT = rf"(?:SRID=4326;)?POINT ?Z?M? ?\((?P<lon>{_NUMBER}) (?P<lat>{_NUMBER})(?: [^)]*)?\)"
 _BARE = rf"[(\[]?\s*(?P<lat>{_NUMBER})\s*[,; ]\s*(?P<lon>{_NUMBER})\s*[)\]]?"
-BARE_PAIR = "the usual order"
+BARE_PAIR_REASON = "the usual order"
 """Reason of a pair of bare numbers, which only the name of the column makes a place."""
 PAIR_PATTERNS = (
     ("a point of WKT", rf"^{_POINT}$"),
     ("letters name them", rf"^{_LETTER_BEHIND}$"),
     ("letters name them", rf"^{_LETTER_BEFORE}$"),
-    (BARE_PAIR, rf"^{_BARE}$"),
+    (BARE_PAIR_REASON, rf"^{_BARE}$"),
 )
 """Reasons why a text is a latitude and a longitude, and the patterns of the text."""
 PAIR_WORDS = frozenset(
@@ -51,7 +51,7 @@ def _pattern_of_pairs(column: str, array: Any) -> tuple[str, str] | None:
 
     texts = pc.drop_null(trimmed_texts_or_null(array))
     for why, pattern in PAIR_PATTERNS:
-        if why == BARE_PAIR and not PAIR_WORDS & set(split_name(column).words):
+        if why == BARE_PAIR_REASON and not PAIR_WORDS & set(split_name(column).words):
             continue
         n_found = int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
         if n_found and n_found >= MIN_PAIR_SHARE * len(texts):

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-READING_SHARE = 0.12
+READING_TIME_SHARE = 0.12
 """Share of the time of an import that goes by until the log is written; measured on a CSV of 3,000,000 rows."""
-REPORT_S = 0.3
+PROGRESS_REPORT_INTERVAL_S = 0.3
 """Time between two reports, s. Chosen by hand."""
 
 
@@ -45,7 +45,7 @@ class ShareReport:
 
         def watch() -> None:
             most: dict[str, int] = {}
-            while not stop.wait(REPORT_S):
+            while not stop.wait(PROGRESS_REPORT_INTERVAL_S):
                 for path, position in _positions_of_open_files():
                     if path in sizes:
                         most[path] = max(most.get(path, 0), position)
@@ -61,7 +61,7 @@ class ShareReport:
     def report_share(self, share: float) -> None:
         """Report the share of the whole import that is done."""
         now_s = time.monotonic()
-        if self._descriptor is None or now_s - self._last_s < REPORT_S:
+        if self._descriptor is None or now_s - self._last_s < PROGRESS_REPORT_INTERVAL_S:
             return
         self._last_s = now_s
         with suppress(OSError):

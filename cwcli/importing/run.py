@@ -31,7 +31,7 @@ from cwcli.importing.readers.trajectory import is_one_number_per_line
 from cwcli.importing.speeds import find_headings, find_speed_and_unit, find_velocity, find_yaw_rate
 from cwcli.importing.stamps import interpret_times_of_table, require_rows_of_one_recording
 from cwcli.importing.tables import AmbiguousError, Answers, Guess, Question, SourceTable
-from cwcli.importing.units import FACTORS
+from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import OutputChannel
@@ -236,7 +236,9 @@ def _add_quaternion_quantities_beside_x_y(meaning: Meaning) -> None:
     for axis, column in zip("xyzw", columns, strict=True):
         if all(columns) and column is not None:
             guess = Guess(f"quaternion_{axis}", column, "", "certain", "the name")
-            meaning.add_quantity(f"quaternion_{axis}", meaning.unscaled_numbers(column) * FACTORS["number"]["1"], guess)
+            meaning.add_quantity(
+                f"quaternion_{axis}", meaning.unscaled_numbers(column) * FACTOR_BY_KIND_AND_UNIT["number"]["1"], guess
+            )
 
 
 def _raise_question_about_repeated_quantities(channels: Sequence[tuple[str, OutputChannel]]) -> None:

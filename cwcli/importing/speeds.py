@@ -19,7 +19,7 @@ from cwcli.importing.motion import (
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.places import ask_if_latitude_longitude_swapped, swapped_course_error_deg
 from cwcli.importing.tables import Guess, UnitChoice
-from cwcli.importing.units import FACTORS
+from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.signals.columns import FloatArray
 
 SPEED_UNITS = ("mps", "kmh", "mph", "knots")
@@ -64,7 +64,9 @@ def find_speed_and_unit(meaning: Meaning, track: TrackSpans | None) -> None:
         return
     choice = _choose_speed_unit_or_ask(meaning, column, values, meaning.stated_unit("speed", column), track)
     if choice is not None:
-        meaning.add_quantity("speed", values * FACTORS["speed"][choice.unit], Guess("speed", column, *choice))
+        meaning.add_quantity(
+            "speed", values * FACTOR_BY_KIND_AND_UNIT["speed"][choice.unit], Guess("speed", column, *choice)
+        )
 
 
 def _without_unknown_minus_one(meaning: Meaning, values: FloatArray) -> FloatArray:
@@ -103,16 +105,16 @@ def _choose_speed_unit_or_ask(
     fitting = [
         each
         for each in SPEED_UNITS
-        if ratio > 0 and abs(math.log(ratio * FACTORS["speed"][each])) < SPEED_RATIO_LOG_TOLERANCE
+        if ratio > 0 and abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["speed"][each])) < SPEED_RATIO_LOG_TOLERANCE
     ]
     if unit:
         if (
             ratio > 0
-            and abs(math.log(ratio * FACTORS["speed"][unit])) > MAX_LOG_RATIO_OF_STATED_SPEED
+            and abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["speed"][unit])) > MAX_LOG_RATIO_OF_STATED_SPEED
             and confidence != "given"
         ):
             what = f"{column!r}: the header says {unit}, but the way between the positions says "
-            what += fitting[0] if fitting else f"{ratio * FACTORS['speed'][unit]:.2g} times less"
+            what += fitting[0] if fitting else f"{ratio * FACTOR_BY_KIND_AND_UNIT['speed'][unit]:.2g} times less"
             meaning.add_question(
                 what, f"--column speed='{column}*{fitting[0] if fitting else unit}', or --column speed= leaves it out"
             )
@@ -359,7 +361,7 @@ def _add_heading_quantity(
 def _angles_to_heading_rad(values: FloatArray, unit_and_sense: str) -> FloatArray:
     """Return angles as rad counter-clockwise from east."""
     unit, _, sense = unit_and_sense.partition("-")
-    angle = values * FACTORS["angle"][unit]
+    angle = values * FACTOR_BY_KIND_AND_UNIT["angle"][unit]
     return 0.5 * math.pi - angle if sense == "cw-north" else angle
 
 
@@ -376,7 +378,11 @@ def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
     ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values)
     is_shown = abs(correlation) > MIN_CORRELATION_TO_SHOW_YAW_RATE_SENSE
     if not unit and is_shown:
-        fitting = [each for each in ("radps", "degps") if abs(math.log(abs(ratio) * FACTORS["turn rate"][each])) < 0.5]
+        fitting = [
+            each
+            for each in ("radps", "degps")
+            if abs(math.log(abs(ratio) * FACTOR_BY_KIND_AND_UNIT["turn rate"][each])) < 0.5
+        ]
         if fitting:
             unit, confidence, why = fitting[0], "likely", f"{abs(ratio):.3g} of it make 1 rad/s of the course"
     if is_lonely and not (is_shown and unit):
@@ -391,7 +397,7 @@ def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
             f"--column yaw_rate='{column}*radps' or '{column}*degps'",
         )
         return
-    factor = FACTORS["turn rate"][unit]
+    factor = FACTOR_BY_KIND_AND_UNIT["turn rate"][unit]
     if meaning.is_decided_by_user("yaw_rate") or meaning.table.source.presets.get(column):
         sense = 1.0
     elif is_shown:

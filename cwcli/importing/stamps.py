@@ -53,16 +53,26 @@ MAX_GPS_WEEK = 11_000
 """Greatest week since the GPS epoch that is accepted, in the year 2190. Chosen by hand."""
 CLOCK_WORDS = frozenset({"unix", "posix", "epoch", "utc", "gmt", "ros", "system", "sys", "device", "phone"})
 """Words in a column's name that say that its seconds count from 1970, not from the GPS epoch."""
-DATE_PARTS = ("year", "month", "day", "hour", "minute", "second")
+DATE_PART_QUANTITIES = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
 NS_BY_SECOND_PART_QUANTITY = {"millisecond": 1_000_000, "nanosecond": 1}
 """Quantity of a column of parts of a second beside them -> its unit in ns."""
 DATE_ORDER_REASONS = {"ymd": "", "dmy": "day before month", "mdy": "month before day"}
 """Order of a date -> what is said about it."""
-RANKS = ("1970", "gps", "week", "zoned date", "date and clock", "local date", "start", "clock", "unknown")
+TIME_MEANINGS_BY_USEFULNESS = (
+    "1970",
+    "gps",
+    "week",
+    "zoned date",
+    "date and clock",
+    "local date",
+    "start",
+    "clock",
+    "unknown",
+)
 """Meanings of columns of time, the most useful first."""
 
-DATED_RANKS = frozenset(RANKS[:6])
+DATED_TIME_MEANINGS = frozenset(TIME_MEANINGS_BY_USEFULNESS[:6])
 """Meanings whose times are dates; others may count down."""
 
 
@@ -72,7 +82,7 @@ class TimeCandidate:
 
     Attributes:
         column: Its name.
-        rank: A name of `RANKS`.
+        rank: A name of `TIME_MEANINGS_BY_USEFULNESS`.
         stamp_ns: Shape (n,), as far as it is known.
         valid: Shape (n,).
         guess: What it means.
@@ -118,7 +128,7 @@ def interpret_times_of_table(table: LoadedTable, answers: Answers) -> Meaning:
     if column_and_unit is None:
         coarse = [each for each in candidates if not _does_time_advance(each)]
         candidates = [each for each in candidates if _does_time_advance(each)] or candidates
-    best = min(candidates, key=lambda each: RANKS.index(each.rank))
+    best = min(candidates, key=lambda each: TIME_MEANINGS_BY_USEFULNESS.index(each.rank))
     if column_and_unit is None:
         best = _prefer_candidate_without_question(candidates, best)
         rivals = [each for each in candidates if each.rank == best.rank and each is not best and each.question is None]
@@ -282,10 +292,10 @@ def _midnights_that_date_ignores(times: TextTimes) -> Int64Array | None:
 
 def _date_parts_candidate(table: LoadedTable, answers: Answers) -> TimeCandidate | None:
     """Return the time of six columns that hold year, month, day, hour, minute and second."""
-    columns = [next(iter(table.candidates.get(part, ())), None) for part in DATE_PARTS]
+    columns = [next(iter(table.candidates.get(part, ())), None) for part in DATE_PART_QUANTITIES]
     names = [column for column in columns if column is not None]
     numbers = {**{name: instants.values_or_nan() for name, instants in table.instants.items()}, **table.numbers}
-    if len(names) < len(DATE_PARTS) or any(name not in numbers for name in names):
+    if len(names) < len(DATE_PART_QUANTITIES) or any(name not in numbers for name in names):
         return None
     parts = np.stack([numbers[name] for name in names], axis=1)
     valid = np.asarray(np.isfinite(parts).all(axis=1))
@@ -445,7 +455,7 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidat
             hint="--column time=NAME*UNIT",
         )
     steps = np.diff(stamps)
-    if best.rank in DATED_RANKS and steps.any() and (steps <= 0).all():
+    if best.rank in DATED_TIME_MEANINGS and steps.any() and (steps <= 0).all():
         notes.append("the newest row comes first: rows are read from the last to the first")
         rows, stamps = rows[::-1], stamps[::-1]
         steps = np.diff(stamps)

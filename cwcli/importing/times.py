@@ -15,7 +15,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.importing.units import FACTORS
+from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_from_gps_unix_ns
@@ -103,7 +103,7 @@ class Instants:
 
     def to_ns(self, unit: str) -> Int64Array:
         """Return nanoseconds (n,); 0 where there is none, and a little more than `MAX_STAMP_NS` for all beyond it."""
-        factor = int(FACTORS["time"][unit])
+        factor = int(FACTOR_BY_KIND_AND_UNIT["time"][unit])
         limit = MAX_STAMP_NS // factor + 1
         whole = np.clip(np.where(self.valid, self.whole, 0), -limit, limit)
         ns: Int64Array = whole * factor + np.rint(np.where(self.valid, self.fraction, 0.0) * factor).astype(np.int64)
@@ -411,7 +411,7 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
     middle = float(np.median(np.abs(finite))) if len(finite) else 0.0
     says_gps = any(word in {"gps", "gnss", "tow", "itow", "towms", "sow"} for word in words)
     for each in ("s", "ms", "us", "ns"):
-        since_s = middle * FACTORS["time"][each] / 1e9
+        since_s = middle * FACTOR_BY_KIND_AND_UNIT["time"][each] / 1e9
         if unit and each != unit:
             continue
         if FIRST_YEAR_S <= since_s <= LAST_YEAR_S:
@@ -421,12 +421,14 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
                 each, "1970", "certain" if unit else "likely", f"the numbers are {each} since 1970"
             )
     is_of_apple = APPLE_FIRST_S <= middle < FIRST_YEAR_S and unit in {"", "s"}
-    if is_of_apple or (unit and middle * FACTORS["time"][unit] / 1e9 > FIRST_YEAR_S):
+    if is_of_apple or (unit and middle * FACTOR_BY_KIND_AND_UNIT["time"][unit] / 1e9 > FIRST_YEAR_S):
         return TimeBaseOfNumbers("", "2001" if is_of_apple else "start", "", "")
     if unit:
         since = (
             "week"
-            if says_gps and middle * FACTORS["time"][unit] / 1e9 < SECONDS_PER_WEEK and _do_words_name_gps_week(words)
+            if says_gps
+            and middle * FACTOR_BY_KIND_AND_UNIT["time"][unit] / 1e9 < SECONDS_PER_WEEK
+            and _do_words_name_gps_week(words)
             else "start"
         )
         return TimeBaseOfNumbers(unit, since, "certain", "the header says the unit")
@@ -434,7 +436,7 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
     fitting = [
         each
         for each in ("s", "ms", "us", "ns")
-        if step > 0 and SLOWEST_HZ <= 1e9 / (step * FACTORS["time"][each]) <= FASTEST_HZ
+        if step > 0 and SLOWEST_HZ <= 1e9 / (step * FACTOR_BY_KIND_AND_UNIT["time"][each]) <= FASTEST_HZ
     ]
     if any(word in {"tow", "sow", "seconds", "elapsed"} for word in words) and "s" in fitting:
         fitting = ["s"]
@@ -454,7 +456,7 @@ def is_since_1970(instants: Instants) -> bool:
     if len(finite) < 2 or not np.diff(finite).any():
         return False
     ends = np.array([finite.min(), finite.max()])
-    for factor in (FACTORS["time"][each] / NS_PER_S for each in ("s", "ms", "us", "ns")):
+    for factor in (FACTOR_BY_KIND_AND_UNIT["time"][each] / NS_PER_S for each in ("s", "ms", "us", "ns")):
         if ends[0] * factor >= FIRST_YEAR_S and ends[1] * factor <= MAX_STAMP_NS / NS_PER_S:
             return True
     return False

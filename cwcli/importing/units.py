@@ -8,7 +8,7 @@ import re
 from cwcli.signals.mapping import UNIT_FACTORS_BY_KIND
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-FACTORS: dict[str, dict[str, float]] = {
+FACTOR_BY_KIND_AND_UNIT: dict[str, dict[str, float]] = {
     "speed": {**UNIT_FACTORS_BY_KIND["speed"], "ftps": 0.3048},
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048},
     "place": {
@@ -92,7 +92,7 @@ def find_unit(text: str, kind: str) -> str:
     found = _UNIT_BY_KIND_OF_SPELLING.get(spelling, {})
     if kind in found:
         return found[kind]
-    factors = FACTORS.get(kind, {})
+    factors = FACTOR_BY_KIND_AND_UNIT.get(kind, {})
     if spelling in factors:
         return spelling
     if "per" in spelling or spelling.startswith("unit_"):

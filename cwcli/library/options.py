@@ -23,7 +23,7 @@ OptionValue = str | float | bool | PathLike[str] | Sequence[str] | None
 """The value of a stage's option."""
 StageOptions = Mapping[str, Mapping[str, OptionValue]]
 """Stage -> name of an option -> its value."""
-CLOCKS = ("stamp", "log")
+TIME_CHOICES = ("stamp", "log")
 """Times that a measurement can have: its header stamp, or when it was logged."""
 
 
@@ -48,8 +48,10 @@ def sensor_reading_from_options(clock: str, ego_station: str | None, calibration
         UsageError: The clock does not exist, or the file's content is wrong.
         InputError: The file can't be read.
     """
-    if clock not in CLOCKS:
-        raise UsageError(f"there is no clock {clock!r}", hint=hint_at_closest_or_all_known_names(str(clock), CLOCKS))
+    if clock not in TIME_CHOICES:
+        raise UsageError(
+            f"there is no clock {clock!r}", hint=hint_at_closest_or_all_known_names(str(clock), TIME_CHOICES)
+        )
     if calibration is None:
         return SensorReading(clock, ego_station)
     from cwcli.estimation.calibration import load_calibration

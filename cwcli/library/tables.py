@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 DOUBT_COLUMNS = ("name", "sentence", "advice", "value", "threshold", "unit")
 """Columns of the table of doubts: the attributes of a `Doubt`."""
-TIME_SUFFIX = "_ns"
+TIME_COLUMN_SUFFIX = "_ns"
 """Ending of the names of columns with times in ns; messages hold them as uint64, tables as int64."""
 
 
@@ -85,6 +85,6 @@ def _has_several_values_per_row(values: Field) -> bool:
 
 def _as_int64_if_times(name: str, values: Field) -> Field:
     """Return times as int64, which they fit until the year 2262; other columns as they are."""
-    if name.endswith(TIME_SUFFIX) and isinstance(values, np.ndarray) and values.dtype == np.uint64:
+    if name.endswith(TIME_COLUMN_SUFFIX) and isinstance(values, np.ndarray) and values.dtype == np.uint64:
         return values.astype(np.int64)
     return values

@@ -180,32 +180,35 @@ WTTC = Measure(
 )
 
 
-ARC_HORIZON_S = 5.0
+ARC_PATH_HORIZON_S = 5.0
 """Time ahead within which overlaps are searched, s. Chosen by hand; not fitted."""
-ARC_STEP_S = 0.1
+ARC_PATH_STEP_S = 0.1
 """Step of the paths, s. Chosen by hand."""
 
 
 def first_overlap_time_s(pair: Pair) -> SecondsAtStamps:
-    """Time (s) of the first overlap in the rows `near`, (m,), linear between steps; NaN beyond `ARC_HORIZON_S`."""
+    """Time (s) of the first overlap in the rows `near`, (m,), linear between steps; NaN beyond `ARC_PATH_HORIZON_S`."""
     at, own_m, their_m = pair.other_in_host_axes, pair.host_size, pair.other_size
     found = np.full(len(at.x_m), np.nan)
     radius = 0.5 * (np.hypot(*own_m) + np.hypot(*their_m))
     fastest = np.abs(at.host_speed_mps) + np.abs(at.other_speed_mps)
-    rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + ARC_HORIZON_S * fastest)
+    rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + ARC_PATH_HORIZON_S * fastest)
     # Complex numbers are places and directions in the host's axes at the start; a product turns.
     rates = [pair.host_accel_yaw_rate_jerk[pair.near_rows[rows], 1], pair.other_derivatives[pair.near_rows[rows], 1]]
     headings = [np.ones(len(rows), complex), (at.cos_turn + 1j * at.sin_turn)[rows]]
     speeds = [at.host_speed_mps[rows], at.other_speed_mps[rows]]
     places = [np.zeros(len(rows), complex), (at.x_m + 1j * at.y_m)[rows]]
-    turns = [np.exp(1j * rate * ARC_STEP_S) for rate in rates]
-    chords = [v * ARC_STEP_S * np.sinc(0.5 * rate * ARC_STEP_S / np.pi) for v, rate in zip(speeds, rates, strict=True)]
-    chords = [chord * np.exp(0.5j * rate * ARC_STEP_S) for chord, rate in zip(chords, rates, strict=True)]
+    turns = [np.exp(1j * rate * ARC_PATH_STEP_S) for rate in rates]
+    chords = [
+        v * ARC_PATH_STEP_S * np.sinc(0.5 * rate * ARC_PATH_STEP_S / np.pi)
+        for v, rate in zip(speeds, rates, strict=True)
+    ]
+    chords = [chord * np.exp(0.5j * rate * ARC_PATH_STEP_S) for chord, rate in zip(chords, rates, strict=True)]
     before = np.full(len(rows), np.inf)
-    for step in range(round(ARC_HORIZON_S / ARC_STEP_S) + 1):
+    for step in range(round(ARC_PATH_HORIZON_S / ARC_PATH_STEP_S) + 1):
         displacement_m = places[1] - places[0]
         close = np.flatnonzero(
-            displacement_m.real**2 + displacement_m.imag**2 <= (radius + ARC_STEP_S * fastest[rows]) ** 2
+            displacement_m.real**2 + displacement_m.imag**2 <= (radius + ARC_PATH_STEP_S * fastest[rows]) ** 2
         )
         first_time_s = np.full(len(rows), np.inf)
         if len(close):
@@ -218,7 +221,7 @@ def first_overlap_time_s(pair: Pair) -> SecondsAtStamps:
                 share = np.where(
                     np.isfinite(before[hits]), first_time_s[hits] / (first_time_s[hits] - before[hits]), 0.0
                 )
-            found[rows[hits]] = ARC_STEP_S * (step - share)
+            found[rows[hits]] = ARC_PATH_STEP_S * (step - share)
         before = first_time_s
         places = [place + heading * chord for place, heading, chord in zip(places, headings, chords, strict=True)]
         headings = [heading * turn for heading, turn in zip(headings, turns, strict=True)]

@@ -79,14 +79,14 @@ MDRAC = Measure(
 )
 
 
-SAFETY_TIME_S = 2.0
+DST_SAFETY_TIME_S = 2.0
 """The safety time behind a vehicle ahead, s: the two seconds of driving schools."""
 
 
 def deceleration_to_safety_time(pair: Pair) -> Mps2AtStamps:
     """Deceleration (m/s^2) that keeps the safety time, at each stamp, (n,); infinity where it is lost already."""
     at = pair.other_in_host_axes
-    left_m = at.headway_if_straight_ahead_m - np.maximum(at.vx_mps + at.host_speed_mps, 0.0) * SAFETY_TIME_S
+    left_m = at.headway_if_straight_ahead_m - np.maximum(at.vx_mps + at.host_speed_mps, 0.0) * DST_SAFETY_TIME_S
     closes = at.is_straight_ahead & (at.vx_mps < 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(left_m > 0.0, 1.5 * at.vx_mps**2 / left_m, np.inf)

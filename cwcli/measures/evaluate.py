@@ -15,7 +15,7 @@ from cwcli.signals.units import NS_PER_S
 
 MOMENTS_PER_BLOCK = 2048
 """Number of moments that are measured at once: their arrays fit into the processor's cache."""
-ENCOUNTER_RANGE_M = 50.0
+MAX_CENTRE_DISTANCE_OF_ENCOUNTER_M = 50.0
 """Greatest distance of the centres, m, within an encounter. Chosen by hand; not fitted."""
 MAX_PAUSE_IN_ENCOUNTER_S = 2.0
 """Longest pause within one encounter, s; a longer one divides two encounters. Chosen by hand; not fitted."""
@@ -82,7 +82,7 @@ def measure_pair(other_id: str, pair: Pair, measures: Mapping[str, Measure]) -> 
 def _split_into_encounters(pair: Pair) -> list[npt.NDArray[np.intp]]:
     """Rows of `near` of each encounter; one that is interrupted for less than a pause stays one."""
     near = pair.near_rows
-    rows = np.flatnonzero(pair.distance_m[near] <= ENCOUNTER_RANGE_M)
+    rows = np.flatnonzero(pair.distance_m[near] <= MAX_CENTRE_DISTANCE_OF_ENCOUNTER_M)
     if not len(rows):
         return []
     pauses = np.flatnonzero(np.diff(pair.stamp_ns[near[rows]]) > MAX_PAUSE_IN_ENCOUNTER_S * NS_PER_S)
@@ -161,7 +161,7 @@ def _row_of_most_critical_or_minus_1(series: FloatArray, measure: Measure) -> in
     return int(known[at])
 
 
-DIFFERENCE_STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-5, 1e-4, 1e-5, 1e-4])
+STATE_DIFFERENCE_STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-5, 1e-4, 1e-5, 1e-4])
 """Steps of the differences in x, y, speed, heading, acceleration, yaw rate and jerk, SI units. Chosen by hand."""
 
 
@@ -178,18 +178,19 @@ def sigmas_of_measures(
     Returns:
         Name -> (r,); NaN where the covariances are not known, or the measure is not smooth.
     """
-    n, rows = len(DIFFERENCE_STEPS), len(pair.stamp_ns)
+    n, rows = len(STATE_DIFFERENCE_STEPS), len(pair.stamp_ns)
     total = {name: np.zeros(rows) for name in measures}
     for is_host, covariance in zip((True, False), covariances, strict=True):
         slopes = {name: np.zeros((rows, n)) for name in measures}
         for column in range(n):
             ends = [
-                _pair_with_shifted_state(pair, is_host, column, sign * DIFFERENCE_STEPS[column]) for sign in (-1.0, 1.0)
+                _pair_with_shifted_state(pair, is_host, column, sign * STATE_DIFFERENCE_STEPS[column])
+                for sign in (-1.0, 1.0)
             ]
             for name, measure in measures.items():
                 low, high = (end.evaluate_measure(measure) for end in ends)
                 with np.errstate(invalid="ignore"):
-                    slopes[name][:, column] = (high - low) / (2.0 * DIFFERENCE_STEPS[column])
+                    slopes[name][:, column] = (high - low) / (2.0 * STATE_DIFFERENCE_STEPS[column])
         for name, slope in slopes.items():
             total[name] += np.einsum("ri,rij,rj->r", slope, covariance[:, :n, :n], slope)
     return {name: np.where(value >= 0.0, np.sqrt(np.maximum(value, 0.0)), np.nan) for name, value in total.items()}

@@ -9,7 +9,7 @@ from cwcli.measures.base import Measure
 from cwcli.measures.collision_time import TTC
 from cwcli.measures.pair import Pair, PairNumber
 
-EXPOSURE_TTC_S = 2.0
+MAX_TTC_OF_EXPOSURE_S = 2.0
 """Greatest time to collision, s, that counts as exposure (TET and TIT). Chosen by hand; not fitted."""
 
 
@@ -17,14 +17,14 @@ def time_exposed_to_short_ttc_of_pair_s(pair: Pair) -> PairNumber:
     """Time (s) that the pair spends with a time to collision of at most 2 s, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
-    return np.array(pair.stamp_weights_s[pair.evaluate_measure(TTC) <= EXPOSURE_TTC_S].sum())
+    return np.array(pair.stamp_weights_s[pair.evaluate_measure(TTC) <= MAX_TTC_OF_EXPOSURE_S].sum())
 
 
 def total_time_integrated_ttc_of_pair_s2(pair: Pair) -> PairNumber:
     """Integral of the pair over time of how far the time to collision is below 2 s, s^2, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
-    below = EXPOSURE_TTC_S - pair.evaluate_measure(TTC)
+    below = MAX_TTC_OF_EXPOSURE_S - pair.evaluate_measure(TTC)
     return np.array((pair.stamp_weights_s * np.where(below > 0.0, below, 0.0)).sum())
 
 

@@ -9,11 +9,11 @@ from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair, RatiosAtStamps
 from cwcli.signals.columns import FloatArray
 
-RESPONSE_TIME_S = 0.75
+FOLLOWER_RESPONSE_TIME_S = 0.75
 """Response time of the following driver, s (Mattas et al. 2020)."""
 COMFORTABLE_BRAKING_MPS2, HARDEST_BRAKING_MPS2 = 4.0, 6.0
 """Comfortable and hardest braking of the following driver, m/s^2 (Mattas et al. 2020)."""
-BRAKING_AHEAD_MPS2 = 7.0
+LEAD_BRAKING_MPS2 = 7.0
 """Braking of the vehicle ahead, m/s^2 (Mattas et al. 2020)."""
 SAFETY_MARGIN_M = 2.0
 """Safety margin between the vehicles, m (Mattas et al. 2020)."""
@@ -22,7 +22,7 @@ SAFETY_MARGIN_M = 2.0
 def proactive_unsafety_of_gap(gap_m: FloatArray, speed_mps: FloatArray, ahead_mps: FloatArray) -> FloatArray:
     """PFS: if the vehicle ahead brakes, 1 where the hardest braking is not enough, 0 where the comfortable one is."""
     ways = [
-        speed_mps * RESPONSE_TIME_S + speed_mps**2 / (2.0 * braking) - ahead_mps**2 / (2.0 * BRAKING_AHEAD_MPS2)
+        speed_mps * FOLLOWER_RESPONSE_TIME_S + speed_mps**2 / (2.0 * braking) - ahead_mps**2 / (2.0 * LEAD_BRAKING_MPS2)
         for braking in (COMFORTABLE_BRAKING_MPS2, HARDEST_BRAKING_MPS2)
     ]
     return _unsafe_share_of_gap(gap_m - SAFETY_MARGIN_M, ways[0] + SAFETY_MARGIN_M, ways[1])
@@ -34,8 +34,8 @@ def critical_unsafety_of_gap(
     """CFS: as PFS for a vehicle ahead that keeps its speed; the follower keeps its acceleration until it responds."""
     accel = np.maximum(accel_mps2, -COMFORTABLE_BRAKING_MPS2)
     closing = speed_mps - ahead_mps
-    after = closing + accel * RESPONSE_TIME_S
-    way = (closing + 0.5 * accel * RESPONSE_TIME_S) * RESPONSE_TIME_S
+    after = closing + accel * FOLLOWER_RESPONSE_TIME_S
+    way = (closing + 0.5 * accel * FOLLOWER_RESPONSE_TIME_S) * FOLLOWER_RESPONSE_TIME_S
     fuzzy = _unsafe_share_of_gap(
         gap_m, *(way + after**2 / (2.0 * braking) for braking in (COMFORTABLE_BRAKING_MPS2, HARDEST_BRAKING_MPS2))
     )

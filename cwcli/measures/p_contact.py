@@ -24,7 +24,7 @@ N_PATH_STATES = 6
 """Number of states that move a path: x, y, speed, heading, acceleration, yaw rate."""
 MOMENTS_PER_BATCH = 256
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
-STANDSTILL_SPEED_MPS = 1e-9
+MAX_STANDSTILL_SPEED_MPS = 1e-9
 """Speed in m/s below which a vehicle stands; smaller values are rounding."""
 
 
@@ -62,9 +62,9 @@ def propagate_to_x_y_heading_and_xy_covariance(
     """Propagate states (m, 6) and covariances (m, 6, 6) to paths: x, y, heading, (m, q), and xx, xy, yy, (m, q, 3)."""
     x, y, speed, heading, accel, yaw_rate = (column[:, None] for column in state.T)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ahead = np.where(speed < -STANDSTILL_SPEED_MPS, -accel, accel)  # one that stands does not set off backwards
+        ahead = np.where(speed < -MAX_STANDSTILL_SPEED_MPS, -accel, accel)  # one that stands does not set off backwards
         stops_s = np.where(ahead < 0.0, np.abs(speed / accel), np.inf)
-    turns_s = np.where((np.abs(speed) < STANDSTILL_SPEED_MPS) & (accel == 0.0), 0.0, stops_s)
+    turns_s = np.where((np.abs(speed) < MAX_STANDSTILL_SPEED_MPS) & (accel == 0.0), 0.0, stops_s)
     middle_s = PATH_TIMES_S[:-1] + 0.5 * PATH_TIME_STEP_S
     moves = np.clip((stops_s - PATH_TIMES_S[:-1]) / PATH_TIME_STEP_S, 0.0, 1.0)  # share of each step until it stands
     turn = heading + yaw_rate * np.minimum(middle_s, turns_s)

@@ -15,7 +15,7 @@ CONTACT_HORIZON_S = 3.0
 """Time ahead within which a contact counts, s. Chosen by hand; not fitted."""
 ACCEL_SIGMA_MPS2 = 2.875
 """Sigma of the host's random accelerations along and across (CommonRoad-CriMe's random manoeuvre: 11.5 / 4)."""
-N_SAMPLES = 2048
+N_RANDOM_MANOEUVRES = 2048
 """Number of manoeuvres; the share of them is the probability. Chosen by hand."""
 MOMENTS_PER_BATCH = 8
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
@@ -37,15 +37,18 @@ def share_of_sampled_manoeuvres_touching(pair: Pair) -> RatiosAtStamps:
     for first in range(0, len(rows), MOMENTS_PER_BATCH):
         part = rows[first : first + MOMENTS_PER_BATCH]
         ax, ay = (np.tile(each, len(part)) for each in accel)
-        hit = accelerated_contact_time_s(whole.select_rows(np.repeat(part, N_SAMPLES)), -ax, -ay) <= CONTACT_HORIZON_S
-        found[part] = hit.reshape(len(part), N_SAMPLES).mean(axis=1)
+        hit = (
+            accelerated_contact_time_s(whole.select_rows(np.repeat(part, N_RANDOM_MANOEUVRES)), -ax, -ay)
+            <= CONTACT_HORIZON_S
+        )
+        found[part] = hit.reshape(len(part), N_RANDOM_MANOEUVRES).mean(axis=1)
     return pair.expand_to_all_rows(found)
 
 
 @cache
 def sample_accelerations_mps2() -> FloatArray:
     """Sample the host's accelerations along and across, (2, N): normal, evenly spread, symmetric to left and right."""
-    k = np.arange(1, N_SAMPLES // 2 + 1)
+    k = np.arange(1, N_RANDOM_MANOEUVRES // 2 + 1)
     golden = 1.32471795724474602596  # x^3 = x + 1: the additive sequence that is spread most evenly in two dimensions
     u, v = (k / golden % 1.0, k / golden**2 % 1.0)
     size, angle = ACCEL_SIGMA_MPS2 * np.sqrt(-2.0 * np.log(u)), np.pi * v

@@ -35,7 +35,7 @@ AccelYawRateJerkRows = FloatArray
 
 Direction = tuple[FloatArray, FloatArray]
 """Cosine and sine of headings."""
-MAX_OUTLINE_RANGE_M = 200.0
+MAX_CENTRE_DISTANCE_OF_COMPARED_OUTLINES_M = 200.0
 """Greatest distance of the centres, m, at which outlines are compared. Chosen by hand; not fitted."""
 
 
@@ -173,7 +173,7 @@ class Pair:
     @cached_property
     def near_rows(self) -> npt.NDArray[np.intp]:
         """Indices (m,) of the stamps at which the centres are within 200 m; elsewhere outlines are not compared."""
-        return np.flatnonzero(self.distance_m <= MAX_OUTLINE_RANGE_M)
+        return np.flatnonzero(self.distance_m <= MAX_CENTRE_DISTANCE_OF_COMPARED_OUTLINES_M)
 
     @cached_property
     def relative_motion(self) -> RelativeMotion:

@@ -17,21 +17,21 @@ HOST_RESPONSE_TIME_S = 1.0
 """Response time of the host, s (ad-rss-lib)."""
 OTHER_RESPONSE_TIME_S = 2.0
 """Response time of the other, s (ad-rss-lib)."""
-RESPONSE_ACCEL_MPS2 = 3.5
+MAX_ACCEL_IN_RESPONSE_TIME_MPS2 = 3.5
 """Largest acceleration during the response time (ad-rss-lib)."""
-MIN_BRAKING_MPS2 = 4.0
+MIN_BRAKING_AFTER_RESPONSE_MPS2 = 4.0
 """Least braking after the response time (ad-rss-lib)."""
 MIN_BRAKING_IN_OWN_LANE_MPS2 = 3.0
 """Least braking of a vehicle in its own lane against oncoming traffic (ad-rss-lib)."""
-MAX_BRAKING_MPS2 = 8.0
+MAX_LEAD_BRAKING_MPS2 = 8.0
 """Largest braking of a vehicle ahead (ad-rss-lib)."""
-LATERAL_ACCEL_MPS2 = 0.2
+MAX_LATERAL_ACCEL_IN_RESPONSE_TIME_MPS2 = 0.2
 """Largest lateral acceleration towards the other during the response time (ad-rss-lib)."""
-LATERAL_BRAKING_MPS2 = 0.8
+MIN_LATERAL_BRAKING_AFTER_RESPONSE_MPS2 = 0.8
 """Least lateral braking after the response time (ad-rss-lib)."""
-LATERAL_FLUCTUATION_M = 0.1
+RSS_LATERAL_FLUCTUATION_M = 0.1
 """Lateral fluctuation of a vehicle that keeps its lane, m (ad-rss-lib)."""
-MIN_HEADING_COSINE = 0.7
+MIN_COSINE_BETWEEN_HEADINGS = 0.7
 """Smallest cosine of the angle between the headings, about 45 degrees. Chosen by hand; not fitted."""
 
 
@@ -53,17 +53,22 @@ def safe_gap_same_direction_m(
     rear_mps: FloatArray | float, front_mps: FloatArray | float, response_s: float
 ) -> FloatArray:
     """Safe gap behind a vehicle that drives in the same direction, metres; definition 1."""
-    rear = stopping_distance_m(np.maximum(rear_mps, 0.0), response_s, RESPONSE_ACCEL_MPS2, MIN_BRAKING_MPS2)
-    return np.asarray(np.maximum(rear - np.maximum(front_mps, 0.0) ** 2 / (2.0 * MAX_BRAKING_MPS2), 0.0))
+    rear = stopping_distance_m(
+        np.maximum(rear_mps, 0.0), response_s, MAX_ACCEL_IN_RESPONSE_TIME_MPS2, MIN_BRAKING_AFTER_RESPONSE_MPS2
+    )
+    return np.asarray(np.maximum(rear - np.maximum(front_mps, 0.0) ** 2 / (2.0 * MAX_LEAD_BRAKING_MPS2), 0.0))
 
 
 def safe_gap_opposite_direction_m(host_mps: FloatArray | float, other_mps: FloatArray | float) -> FloatArray:
     """Safe gap of vehicles that drive towards each other, the host in its own lane, metres; definition 2."""
     own = stopping_distance_m(
-        np.maximum(host_mps, 0.0), HOST_RESPONSE_TIME_S, RESPONSE_ACCEL_MPS2, MIN_BRAKING_IN_OWN_LANE_MPS2
+        np.maximum(host_mps, 0.0), HOST_RESPONSE_TIME_S, MAX_ACCEL_IN_RESPONSE_TIME_MPS2, MIN_BRAKING_IN_OWN_LANE_MPS2
     )
     return own + stopping_distance_m(
-        np.maximum(other_mps, 0.0), OTHER_RESPONSE_TIME_S, RESPONSE_ACCEL_MPS2, MIN_BRAKING_MPS2
+        np.maximum(other_mps, 0.0),
+        OTHER_RESPONSE_TIME_S,
+        MAX_ACCEL_IN_RESPONSE_TIME_MPS2,
+        MIN_BRAKING_AFTER_RESPONSE_MPS2,
     )
 
 
@@ -72,11 +77,15 @@ def safe_lateral_gap_m(
     right_mps: FloatArray | float,
     left_response_s: float | FloatArray,
     right_response_s: float | FloatArray,
-    fluctuation_m: float = LATERAL_FLUCTUATION_M,
+    fluctuation_m: float = RSS_LATERAL_FLUCTUATION_M,
 ) -> FloatArray:
     """Safe lateral gap of two vehicles, metres; lateral speeds are positive to the right; definition 6."""
-    left = stopping_distance_m(left_mps, left_response_s, LATERAL_ACCEL_MPS2, LATERAL_BRAKING_MPS2)
-    right = stopping_distance_m(right_mps, right_response_s, -LATERAL_ACCEL_MPS2, LATERAL_BRAKING_MPS2)
+    left = stopping_distance_m(
+        left_mps, left_response_s, MAX_LATERAL_ACCEL_IN_RESPONSE_TIME_MPS2, MIN_LATERAL_BRAKING_AFTER_RESPONSE_MPS2
+    )
+    right = stopping_distance_m(
+        right_mps, right_response_s, -MAX_LATERAL_ACCEL_IN_RESPONSE_TIME_MPS2, MIN_LATERAL_BRAKING_AFTER_RESPONSE_MPS2
+    )
     return np.asarray(np.maximum(left - right, 0.0) + fluctuation_m)
 
 
@@ -95,7 +104,7 @@ def rss_longitudinal_margin(pair: Pair) -> MetresAtStamps:
         ),
     )
     leaves = (at.cos_turn < 0.0) & (at.x_m < 0.0)
-    along = np.abs(at.cos_turn) > MIN_HEADING_COSINE
+    along = np.abs(at.cos_turn) > MIN_COSINE_BETWEEN_HEADINGS
     return pair.expand_to_all_rows(np.where(along & ~leaves, gap - safe, np.nan))
 
 
@@ -151,7 +160,7 @@ def rss_required_host_braking_mps2(pair: Pair) -> Mps2AtStamps:
     at, near = pair.other_in_host_axes, pair.near_rows
     along, across = pair.evaluate_measure(RSS_LONG)[near], pair.evaluate_measure(RSS_LAT)[near]
     toward = at.cos_turn < 0.0
-    braking = np.where(toward, MIN_BRAKING_IN_OWN_LANE_MPS2, MIN_BRAKING_MPS2)
+    braking = np.where(toward, MIN_BRAKING_IN_OWN_LANE_MPS2, MIN_BRAKING_AFTER_RESPONSE_MPS2)
     is_rear = at.x_m > 0.0
     dangerous = (along < 0.0) & (across < 0.0) & is_rear
     return pair.expand_to_all_rows(np.where(np.isnan(along), np.nan, np.where(dangerous, braking, 0.0)))

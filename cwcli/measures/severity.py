@@ -10,14 +10,14 @@ from cwcli.measures.encroachment import encroachment_lag_and_states
 from cwcli.measures.pair import Pair, PairNumber
 from cwcli.signals.columns import FloatArray
 
-OTHER_MASS_SHARE = 0.5
+OTHER_VEHICLE_SHARE_OF_TOTAL_MASS = 0.5
 """The other's share of the mass of both: messages carry no masses, so they are taken as equal."""
 
 
 def host_velocity_change_in_crash_mps(pair: Pair) -> FloatArray:
     """Change of the host's velocity (m/s) in a crash, computed at each stamp, (n,); NaN off a collision course."""
     at = pair.relative_motion
-    change = OTHER_MASS_SHARE * np.hypot(at.dvx_mps, at.dvy_mps)
+    change = OTHER_VEHICLE_SHARE_OF_TOTAL_MASS * np.hypot(at.dvx_mps, at.dvy_mps)
     return pair.expand_to_all_rows(np.where(np.isfinite(pair.evaluate_measure(TTC)[pair.near_rows]), change, np.nan))
 
 

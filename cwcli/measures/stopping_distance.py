@@ -59,7 +59,7 @@ PSD = Measure(
 
 PICUD_BRAKING_MPS2 = 3.3
 """Deceleration of both, m/s^2, of Uno et al. 2002."""
-PICUD_REACTION_S = 1.0
+PICUD_REACTION_TIME_S = 1.0
 """Reaction time of the host, s, of Uno et al. 2002."""
 
 
@@ -67,7 +67,9 @@ def gap_after_urgent_braking(pair: Pair) -> MetresAtStamps:
     """Gap (m) to a vehicle straight ahead after both have stopped, at each stamp, (n,); negative: they touch before."""
     at = pair.other_in_host_axes
     own, theirs = np.maximum(at.host_speed_mps, 0.0), np.maximum(at.vx_mps + at.host_speed_mps, 0.0)
-    left_m = at.headway_if_straight_ahead_m + (theirs**2 - own**2) / (2.0 * PICUD_BRAKING_MPS2) - PICUD_REACTION_S * own
+    left_m = (
+        at.headway_if_straight_ahead_m + (theirs**2 - own**2) / (2.0 * PICUD_BRAKING_MPS2) - PICUD_REACTION_TIME_S * own
+    )
     return pair.expand_to_all_rows(np.where(at.is_straight_ahead, left_m, np.nan))
 
 

@@ -41,7 +41,7 @@ FAMILY_WISE_ERROR_RATE = 0.02
 """Greatest probability that any metric of a run is called improved or worse by chance; chosen by hand."""
 INTERVAL_COVERAGE = 0.95
 """Coverage of the interval of a change, as a share; the usual convention."""
-RELATIVE_TOLERANCE = 0.01
+MIN_RELATIVE_CHANGE = 0.01
 """Smallest relative change that is called improved or worse by default; chosen by hand."""
 N_SIGN_FLIPS = 9999
 """Number of random sign flips; with the observed one the p-values are multiples of 1 / 10000."""
@@ -127,7 +127,7 @@ def compare_runs(
     candidate: Sequence[LogMetrics],
     *,
     seed: int = 0,
-    tolerance: float = RELATIVE_TOLERANCE,
+    tolerance: float = MIN_RELATIVE_CHANGE,
     exact: bool = False,
 ) -> RunComparison:
     """Compare two runs.

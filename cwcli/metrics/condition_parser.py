@@ -29,7 +29,7 @@ NUMBER_PATTERN = r"(?P<number>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 """Pattern of a number, without the parenthesis at its end: a grammar may allow a sign behind it."""
 SIGN_PATTERN = r"(?P<sign><=|>=|==|!=|<|>|\(|\))"
 """Pattern of a comparison operator or a parenthesis."""
-CONNECTIVES = frozenset({"and", "or", "not"})
+LOGICAL_WORDS = frozenset({"and", "or", "not"})
 """Words that are no names."""
 
 Token = tuple[str, str, int]

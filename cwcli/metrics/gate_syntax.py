@@ -18,7 +18,7 @@ import re
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
-    CONNECTIVES,
+    LOGICAL_WORDS,
     NUMBER_PATTERN,
     SIGN_PATTERN,
     AndOr,
@@ -29,9 +29,9 @@ from cwcli.metrics.condition_parser import (
     Token,
 )
 
-FUNCTIONS = ("mean", "median", "min", "max", "sum", "pooled")
+GATE_FUNCTIONS = ("mean", "median", "min", "max", "sum", "pooled")
 """Functions of a metric's values in all logs; percentiles such as `p95` come on top."""
-EXAMPLE = "for example 'ego.position_rmse_m < 0.5 and pooled(warnings.recall) >= 0.9'"
+GATE_EXAMPLE = "for example 'ego.position_rmse_m < 0.5 and pooled(warnings.recall) >= 0.9'"
 """A valid gate, which the hints of syntax errors show."""
 
 _TOKEN = re.compile(rf"\s*(?:{NUMBER_PATTERN}%?)|(?P<name>[A-Za-z*][A-Za-z0-9_.*-]*)|{SIGN_PATTERN})")
@@ -54,7 +54,7 @@ class Name:
 
 @dataclass(frozen=True)
 class Aggregate:
-    """A function of a metric's values in all logs: one of `FUNCTIONS`, or `p95` and so on."""
+    """A function of a metric's values in all logs: one of `GATE_FUNCTIONS`, or `p95` and so on."""
 
     function: str
     name: Name
@@ -105,7 +105,7 @@ def needs_single_log(node: Node | Operand) -> bool:
 class _Parser(ConditionParser):
     """The parser of the grammar above."""
 
-    what, example, token = "a gate", EXAMPLE, _TOKEN
+    what, example, token = "a gate", GATE_EXAMPLE, _TOKEN
 
     def parse_whole_gate(self) -> Node:
         """Parse `gate` up to the end of the text."""
@@ -137,14 +137,14 @@ class _Parser(ConditionParser):
         kind, text, start = self._next_token("a metric or a number")
         if kind == "number":
             return Number(self.finite_number(text.removesuffix("%"), start) / (100.0 if text.endswith("%") else 1.0))
-        if kind != "name" or text in CONNECTIVES:
+        if kind != "name" or text in LOGICAL_WORDS:
             raise self.error_at_token("a metric or a number", start)
         if self.peek_token()[1] != "(":
             return Name(text)
         if text == "share":
             return Share(self._parse_gate_of_single_logs())
-        if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
-            known = (*FUNCTIONS, "p95", "share", "any", "all")
+        if text not in GATE_FUNCTIONS and not _PERCENTILE.fullmatch(text):
+            known = (*GATE_FUNCTIONS, "p95", "share", "any", "all")
             raise UsageError(
                 f"a gate has no function {text}", hint=hint_at_closest_or_all_known_names(text, known, "known")
             )

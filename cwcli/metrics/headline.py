@@ -37,7 +37,7 @@ TABLE_NAME = "metrics"
 """Name of the table of headline metrics."""
 METRICS_TABLE_COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight", "states")
 """Columns of the table of headline metrics, in order; the fields of `MetricRow` in `pooling` agree."""
-OPTIONAL_COLUMNS = ("states",)
+COLUMNS_MISSING_IN_EARLIER_VERSIONS = ("states",)
 """Columns that tables of earlier versions do not have."""
 
 
@@ -74,7 +74,7 @@ class Metric:
         return self.unit == "" and self.pool == "mean"
 
 
-PLACEHOLDERS = {
+PATTERN_BY_PLACEHOLDER = {
     "<quantity>": "position|velocity|speed|heading|accel|yaw_rate",
     "<model>": "[a-z0-9][a-z0-9-]*",
     "<horizon>": r"\d+\.\d",
@@ -282,7 +282,7 @@ def _metric_name_patterns() -> tuple[tuple[re.Pattern[str], Metric], ...]:
     found = []
     for metric in METRICS:
         pattern = re.escape(metric.name)
-        for placeholder, inner in PLACEHOLDERS.items():
+        for placeholder, inner in PATTERN_BY_PLACEHOLDER.items():
             pattern = pattern.replace(re.escape(placeholder), f"(?:{inner})")
         found.append((re.compile(pattern), metric))
     return tuple(found)

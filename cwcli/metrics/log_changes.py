@@ -10,7 +10,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import Metric, find_metric
 from cwcli.metrics.pooling import LogMetrics
 
-MAX_WORSENING = 1e3
+MAX_COUNTED_WORSENING_SHARE = 1e3
 """Greatest worsening that one metric counts with, as a share of its value before: one that was 0 would outweigh all
 others. Chosen by hand."""
 
@@ -105,8 +105,8 @@ def _change_of_metric(name: str, early: LogMetrics, late: LogMetrics, tolerance:
     worsening = _worsening_in_metric_unit(metric, before, after)
     if abs(worsening) <= tolerance * scale:
         return None
-    relative = worsening / abs(before) if before else math.copysign(MAX_WORSENING, worsening)
-    relative = max(-MAX_WORSENING, min(MAX_WORSENING, relative))
+    relative = worsening / abs(before) if before else math.copysign(MAX_COUNTED_WORSENING_SHARE, worsening)
+    relative = max(-MAX_COUNTED_WORSENING_SHARE, min(MAX_COUNTED_WORSENING_SHARE, relative))
     direction = Direction.WORSE if worsening > 0.0 else Direction.BETTER
     return LogMetricChange(name, metric.unit, before, after, direction, relative)
 

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import (
+    COLUMNS_MISSING_IN_EARLIER_VERSIONS,
     METRICS_TABLE_COLUMNS,
-    OPTIONAL_COLUMNS,
     HeadlineCollector,
     find_metric,
     metric_interval_from_sums,
@@ -28,13 +28,13 @@ UInt16Array = npt.NDArray[np.uint16]
 
 MIN_LOGS_FOR_BOOTSTRAP = 5
 """Least number of logs over which a bootstrap interval is computed; chosen by hand."""
-N_RESAMPLES = 2000
+N_BOOTSTRAP_RESAMPLES = 2000
 """Number of bootstrap resamples over the logs; chosen by hand."""
-MAX_HELD_COUNTS = 4_000_000
+MAX_DRAWN_LOG_COUNTS_IN_MEMORY = 4_000_000
 """Number of counts of drawn logs that are held as floating-point numbers at a time. Chosen by hand: 32 MB."""
 POOLED_ID = "(pooled)"
 """The id that stands for all logs together in the column `log`."""
-QUALITY = "data."
+DATA_METRIC_PREFIX = "data."
 """Beginning of the names of metrics of the recorded data; all others measure results of stages."""
 
 
@@ -89,7 +89,11 @@ def metric_rows_by_name(table: Table) -> dict[str, MetricRow]:
     Raises:
         ValueError: A column is missing.
     """
-    missing = [name for name in METRICS_TABLE_COLUMNS if name not in table.columns and name not in OPTIONAL_COLUMNS]
+    missing = [
+        name
+        for name in METRICS_TABLE_COLUMNS
+        if name not in table.columns and name not in COLUMNS_MISSING_IN_EARLIER_VERSIONS
+    ]
     if missing:
         raise ValueError(f"the column {missing[0]} is missing")
     return {
@@ -197,7 +201,7 @@ def _bootstrap_interval_over_logs(pool: str, rows: Sequence[MetricRow], seed: in
 def bootstrap_draw_counts(n: int, seed: int) -> UInt16Array:
     """Return how often each of n logs is drawn in each bootstrap resample, shape (N_RESAMPLES, n)."""
     rng = np.random.default_rng(seed)
-    counts = np.empty((N_RESAMPLES, n), np.uint16)
+    counts = np.empty((N_BOOTSTRAP_RESAMPLES, n), np.uint16)
     for rows in _iter_resample_slices(n):
         counts[rows] = rng.multinomial(n, np.full(n, 1.0 / n), size=rows.stop - rows.start)
     return counts
@@ -215,10 +219,10 @@ def resampled_sums(draw_counts: UInt16Array, values: FloatArray) -> FloatArray:
 
 
 def _iter_resample_slices(n: int) -> Iterator[slice]:
-    """Yield slices of the resamples of n logs that have at most `MAX_HELD_COUNTS` counts each."""
-    step = min(max(MAX_HELD_COUNTS // n, 1), N_RESAMPLES)
-    for first in range(0, N_RESAMPLES, step):
-        yield slice(first, min(first + step, N_RESAMPLES))
+    """Yield slices of the resamples of n logs that have at most `MAX_DRAWN_LOG_COUNTS_IN_MEMORY` counts each."""
+    step = min(max(MAX_DRAWN_LOG_COUNTS_IN_MEMORY // n, 1), N_BOOTSTRAP_RESAMPLES)
+    for first in range(0, N_BOOTSTRAP_RESAMPLES, step):
+        yield slice(first, min(first + step, N_BOOTSTRAP_RESAMPLES))
 
 
 def metrics_table_of_run(logs: Sequence[LogMetrics], *, seed: int = 0) -> Table:

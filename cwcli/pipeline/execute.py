@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 USUAL_STAGE_WORK = {"estimate": 40.0, "lanes": 12.0, "predict": 10.0, "warn": 4.0}
 """Stage -> the time that it usually takes, in that of a stage that is not listed; chosen by hand after a profile of the
 scenario `city`. Only the progress that is shown depends on it."""
-ALL_CHANNELS = ChannelChoice()
+WRITE_ALL_CHANNELS = ChannelChoice()
 """The default choice of a run: every channel that its stages make is written."""
 Missed = Callable[[str, "Log", Selection], "MissingSignals | None"]
 
@@ -81,7 +81,7 @@ class RunRules:
 
     skip: SkipRules = RUN_EVERY_STAGE
     strict: bool = False
-    choice: ChannelChoice = ALL_CHANNELS
+    choice: ChannelChoice = WRITE_ALL_CHANNELS
 
 
 def run_stages(
@@ -91,7 +91,7 @@ def run_stages(
     *,
     skip: SkipRules = RUN_EVERY_STAGE,
     strict: bool = False,
-    choice: ChannelChoice = ALL_CHANNELS,
+    choice: ChannelChoice = WRITE_ALL_CHANNELS,
     step: Callable[[str], None] = lambda text: None,
 ) -> tuple[RunOutcome, Log]:
     """Run stages on a log; each sees the channels of those before it as if they had been in the file.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cwcli.channels.binding import ROLE_TEXT, bind_roles
+from cwcli.channels.binding import DESCRIPTION_BY_ROLE, bind_roles
 from cwcli.channels.published import REMOTE_PATH, REMOTE_STATE
 from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
@@ -99,14 +99,21 @@ class SignalCheck:
                 if self._binding_error_or_none(Role.REMOTE, log, selection)
                 else NO_REMOTE_MESSAGE_TEXT
             )
-        return f"no channel holds {ROLE_TEXT[role]}{self._suggest_other_stages_or_empty(stage, log, selection)}"
+        return (
+            f"no channel holds {DESCRIPTION_BY_ROLE[role]}{self._suggest_other_stages_or_empty(stage, log, selection)}"
+        )
 
     def _suggest_other_stages_or_empty(self, stage: str, log: Log, selection: Selection) -> str:
         """Return words on stages that do the same from other signals, if the file holds those; else ""."""
         added = {channel.topic for channel in log.added_channels}
         recorded_channels = [channel for channel in log.channels if channel.topic not in added]
         bound = bind_roles(
-            recorded_channels, {}, required=(), optional=tuple(ROLE_TEXT), ego_station=self.ego_station, where=log.name
+            recorded_channels,
+            {},
+            required=(),
+            optional=tuple(DESCRIPTION_BY_ROLE),
+            ego_station=self.ego_station,
+            where=log.name,
         ).by_role
         for entry in readiness_of_each_stage(bound, self.stages):
             if entry.stage.instead_of == stage and not entry.missing:

@@ -35,7 +35,7 @@ TOPIC_CONDITIONS = {
     "max_out_of_order": "out_of_order",
 }
 """Condition on a topic -> the field of `TopicHealth` that it limits; a drift is limited by its magnitude."""
-MAX_NUMBER = sys.float_info.max
+MAX_CONDITION_NUMBER = sys.float_info.max
 """Greatest number that a condition may have: whole numbers of TOML have no bound, the measured values are floats."""
 
 
@@ -162,5 +162,7 @@ def _check_known_keys(path: str, table: Mapping[str, Any], names: Sequence[str],
 def _require_numbers_from_zero_on(path: str, table: Mapping[str, Any], about: str) -> None:
     """Raise `UsageError` for a value that is no finite number from 0 on."""
     for name, value in table.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_NUMBER:
-            raise UsageError(f"{about}{name} = {value!r} is not a number from 0 to {MAX_NUMBER:g}", where=path)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_CONDITION_NUMBER:
+            raise UsageError(
+                f"{about}{name} = {value!r} is not a number from 0 to {MAX_CONDITION_NUMBER:g}", where=path
+            )

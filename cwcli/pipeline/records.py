@@ -25,9 +25,9 @@ VEHICLE_KEY = "vehicle"
 """Entry of the record of `observe` that holds the car's parameters as JSON."""
 WITHHELD_KEY = "withheld"
 """Entry of a warning stage's record that holds the number of withheld warnings of each rule as JSON."""
-MAX_LATENCY_S = 86_400.0
+MAX_RECORDED_LATENCY_S = 86_400.0
 """Greatest latency that a record may state, s: a day; anything beyond is ignored. Chosen by hand."""
-ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
+MAP_ORIGIN_ENTRY_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
 """Entries of the record of `estimate` for the map's origin: WGS 84 latitude and longitude [deg], altitude [m]."""
 
 Record = Mapping[str, str]
@@ -65,9 +65,9 @@ def to_float_or_nan(value: float) -> float:
 
 
 def read_latency_s(entries: Mapping[str, Any], key: str) -> float:
-    """Return a latency of a JSON object [s]; NaN where it is missing or exceeds `MAX_LATENCY_S`."""
+    """Return a latency of a JSON object [s]; NaN where it is missing or exceeds `MAX_RECORDED_LATENCY_S`."""
     value = read_finite_number_or_nan(entries, key)
-    return value if abs(value) <= MAX_LATENCY_S else math.nan
+    return value if abs(value) <= MAX_RECORDED_LATENCY_S else math.nan
 
 
 def to_int_or_none(value: object) -> int | None:
@@ -149,13 +149,13 @@ def map_origin_record_entries(local_map: LocalMap | None) -> dict[str, str]:
     if local_map is None:
         return {"map_origin": "cartesian"}
     values = (local_map.origin_lat_deg, local_map.origin_lon_deg, local_map.origin_alt_m)
-    return {name: repr(value) for name, value in zip(ORIGIN_NAMES, values, strict=True)}
+    return {name: repr(value) for name, value in zip(MAP_ORIGIN_ENTRY_NAMES, values, strict=True)}
 
 
 def local_map_from_estimate_record(record: Record) -> LocalMap | None:
     """Return the map frame from the record of `estimate`; None where it is Cartesian or not recorded."""
     try:
-        return LocalMap(*(float(record[name]) for name in ORIGIN_NAMES))
+        return LocalMap(*(float(record[name]) for name in MAP_ORIGIN_ENTRY_NAMES))
     except (KeyError, ValueError):
         return None
 

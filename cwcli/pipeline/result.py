@@ -15,7 +15,7 @@ from cwcli.pipeline.json_names import table_row_to_json
 from cwcli.signals.columns import OutputChannel
 
 Cell = str | float | int | None
-MAX_RECORDED_ROWS = 200
+MAX_RECORDED_TABLE_ROWS = 200
 """Greatest number of rows of a table that the metadata record keeps; a thousand vehicles have a row each."""
 
 
@@ -140,7 +140,8 @@ class StageSummary:
                     "title": section.title,
                     "columns": list(section.columns),
                     "rows": [
-                        [_cell_or_none_if_not_finite(cell) for cell in row] for row in section.rows[:MAX_RECORDED_ROWS]
+                        [_cell_or_none_if_not_finite(cell) for cell in row]
+                        for row in section.rows[:MAX_RECORDED_TABLE_ROWS]
                     ],
                 }
                 for section in self.sections

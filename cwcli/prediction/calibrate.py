@@ -40,7 +40,7 @@ from cwcli.prediction.outcome import (
     repeat_actual_positions_for_path_sets,
 )
 from cwcli.prediction.outcome_history import (
-    NEVER_NS,
+    OUTCOME_NEVER_KNOWN_NS,
     PathStarts,
     StateHistory,
     concatenate_histories,
@@ -150,7 +150,7 @@ def log_scale_from_other_vehicles(track: StateHistory, squared_distance: FloatAr
             ],
             [0.0, *FLEET_QUANTILE_LEVELS, 1.0],
         )
-        rows = np.flatnonzero(np.isfinite(squared_distance[:, k]) & (known_ns[:, k] < NEVER_NS))
+        rows = np.flatnonzero(np.isfinite(squared_distance[:, k]) & (known_ns[:, k] < OUTCOME_NEVER_KNOWN_NS))
         rows = rows[np.argsort(known_ns[rows, k], kind="stable")]
         cell = (np.log(np.maximum(squared_distance[rows, k], 1e-300)) - LOG_FIRST_CELL) / LOG_CELL_WIDTH
         found = stream_quantiles(

@@ -34,7 +34,7 @@ GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 """Weights of the three-point Gauss-Legendre quadrature on [0, 1]."""
 N_STOP_TIME_BISECTIONS = 45
 """Number of bisections of a stop's time: they narrow a step of 0.05 s to below 1e-14 s."""
-STANDSTILL_SPEED_MPS = 1e-9
+MAX_STANDSTILL_SPEED_MPS = 1e-9
 """Speed in m/s below which a car stands: the rounding of an acceleration that fades while the car stands."""
 
 
@@ -210,7 +210,7 @@ def _stop_times_s(motion: _DiscretisedModel, state: StateRows, speed_mps: FloatA
     """
     time_s, start = motion.time_s, state[:, SPEED]
     direction = np.where(start < 0.0, -1.0, 1.0)
-    crossed = direction[:, None] * speed_mps[:, 1:] < STANDSTILL_SPEED_MPS
+    crossed = direction[:, None] * speed_mps[:, 1:] < MAX_STANDSTILL_SPEED_MPS
     standing = (start == 0.0) & (speed_mps[:, 1] <= 0.0)
     stop_s = np.full(len(state), np.inf)
     rows = np.flatnonzero(crossed.any(axis=1) & ~standing)
@@ -254,7 +254,7 @@ def _interpolate_stop_times_s(
             moving = ahead_mps(np.full(len(state), knot_s)) >= 0.0
             low_s, high_s = np.where(inside & moving, knot_s, low_s), np.where(inside & ~moving, knot_s, high_s)
     before, after = np.maximum(ahead_mps(low_s), 0.0), np.minimum(ahead_mps(high_s), 0.0)
-    return np.asarray(low_s + (high_s - low_s) * before / np.maximum(before - after, STANDSTILL_SPEED_MPS))
+    return np.asarray(low_s + (high_s - low_s) * before / np.maximum(before - after, MAX_STANDSTILL_SPEED_MPS))
 
 
 def _integrate_stopping_paths(motion: _DiscretisedModel, state: StateRows, stop_s: FloatArray) -> IntegratedPaths:

@@ -13,7 +13,7 @@ from bisect import bisect_right
 
 import numpy as np
 
-from cwcli.dynamics.near_lane import MIN_PREVIEW_M
+from cwcli.dynamics.near_lane import MIN_PREVIEW_DISTANCE_M
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.single_track import steady_lateral_speed_per_yaw_rate_m
 from cwcli.dynamics.vehicle import Vehicle
@@ -24,7 +24,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.signals.units import NS_PER_S
 
-MAX_HORIZON_S = 60.0
+MAX_PREDICTION_HORIZON_S = 60.0
 """Longest permitted horizon, s. Chosen by hand."""
 MAX_PATH_STEPS = 2000
 """Largest permitted number of steps of a path; it bounds the memory. Chosen by hand."""
@@ -79,10 +79,10 @@ class LateralPathConfig:
         ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s))
         if not ok or self.step_s > self.horizon_s:
             raise UsageError(f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is not possible")
-        if self.horizon_s > MAX_HORIZON_S or self.horizon_s > MAX_PATH_STEPS * self.step_s:
+        if self.horizon_s > MAX_PREDICTION_HORIZON_S or self.horizon_s > MAX_PATH_STEPS * self.step_s:
             raise UsageError(
                 f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is too long from the observer; "
-                f"permitted: {MAX_HORIZON_S:g} s, {MAX_PATH_STEPS} steps"
+                f"permitted: {MAX_PREDICTION_HORIZON_S:g} s, {MAX_PATH_STEPS} steps"
             )
 
 
@@ -92,7 +92,7 @@ def predict_paths_from_observer(
     """The path of the centre of gravity from each frame, in the body frame of that frame (x forward, y left).
 
     Args:
-        track: From the observer, n frames. A preview point nearer than `MIN_PREVIEW_M` counts as so far ahead.
+        track: From the observer, n frames. A preview point nearer than `MIN_PREVIEW_DISTANCE_M` counts as so far ahead.
 
     Returns:
         n paths; NaN where the track has no state.
@@ -103,7 +103,7 @@ def predict_paths_from_observer(
     if config.model == "cwcli":
         v = np.maximum(v + recent_shrunk_acceleration_mps2(track)[:, None] * t, 0.0)
     lateral, yaw_rate = track.state[:, 0:1], track.state[:, 1:2]
-    reach_m = np.maximum(np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m, MIN_PREVIEW_M)
+    reach_m = np.maximum(np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m, MIN_PREVIEW_DISTANCE_M)
     if config.model == "zhang2011":
         turning = np.broadcast_to(yaw_rate, (len(v), len(t)))
         sideways = np.broadcast_to(lateral, turning.shape)

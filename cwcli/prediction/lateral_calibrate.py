@@ -23,7 +23,7 @@ MIN_SIGMA_FACTOR = 0.05
 """Smallest factor on a predicted sigma. Chosen by hand; not fitted."""
 MAX_INTERPOLATED_GAP_S = 0.5
 """Longest gap in s across which the observed motion is interpolated. Chosen by hand; not fitted."""
-OBSERVER_ERROR_CORRELATION_S = 0.1
+OBSERVER_ERROR_CORRELATION_TIME_S = 0.1
 """The observer's errors are correlated over about this time, s; longer in bends, where the lanes' errors last."""
 
 
@@ -43,7 +43,7 @@ def _dead_reckoning_variance_across_path_m2(paths: Paths, track: LateralTrack) -
     """Variance across the path of the integrated observed motion, by the errors of v_y and gamma, m^2, shape (n, k)."""
     lateral, yaw_rate = (np.nan_to_num(track.covariance[:, k, k])[:, None] for k in (0, 1))
     t, v = paths.time_s, paths.speed_mps
-    return np.asarray(2.0 * OBSERVER_ERROR_CORRELATION_S * (lateral * t + v**2 * yaw_rate * t**3 / 3.0))
+    return np.asarray(2.0 * OBSERVER_ERROR_CORRELATION_TIME_S * (lateral * t + v**2 * yaw_rate * t**3 / 3.0))
 
 
 def sigma_factors_across_path_by_time(paths: Paths, track: LateralTrack) -> FloatArray:

@@ -47,20 +47,20 @@ CLEARNESS_EXPONENT = 8
 LOOK_BACK_SHARE_OF_HORIZON = 0.5
 """Share of the horizon before now over which the mean of a derivative is its lasting part. Chosen by hand; not
 fitted."""
-MIN_LOOK_BACK_S = 0.3
+MIN_DERIVATIVE_AVERAGING_TIME_S = 0.3
 """Shortest time in s over which that mean is taken. Chosen by hand; not fitted."""
 MIN_LOOK_BACK_DATA_S = 0.15
 """Shortest history in s of a derivative that has a lasting part. Chosen by hand; not fitted."""
 MAX_INTERPOLATED_GAP_S = 0.5
 """Longest gap in s across which outcomes are interpolated, and longest time that a row stands for. Chosen by hand."""
-MIN_CHORD_M = 1.0
+MIN_CHORD_OF_DRIVEN_ARC_M = 1.0
 """Shortest chord of a driven arc, m, whose angle to the heading is used; the angle of a shorter chord is mostly noise
 and counts as 0. Chosen by hand; not fitted."""
 MAX_CHORD_TO_HEADING_RAD = 2.0
 """Greatest angle of a chord to the heading, rad, that an arc can have. Chosen by hand; not fitted."""
 PRIOR_WEIGHT_IN_OUTCOMES_BY_PART = np.array([4.0, 1.0, 1.0])
 """Weight of the prior in independent outcomes for the parts unclear, lasting and new (docs/prediction.md)."""
-NEVER_NS = np.iinfo(np.int64).max
+OUTCOME_NEVER_KNOWN_NS = np.iinfo(np.int64).max
 """The time of an outcome that never becomes known."""
 
 Rows = npt.NDArray[np.intp]
@@ -174,7 +174,7 @@ def unclear_lasting_new_shares_of_derivatives(track: StateHistory) -> PartShares
     begins = np.array(track.first, dtype=np.intp)[track.vehicle_indices()]
     age_s = (track.stamp_ns - track.stamp_ns[begins]) / NS_PER_S
     heading = np.concatenate([np.unwrap(track.state[rows, HEADING]) for rows in track.row_slices_of_vehicles()])
-    look_back_s = np.maximum(LOOK_BACK_SHARE_OF_HORIZON * HORIZON_KNOTS_S, MIN_LOOK_BACK_S)
+    look_back_s = np.maximum(LOOK_BACK_SHARE_OF_HORIZON * HORIZON_KNOTS_S, MIN_DERIVATIVE_AVERAGING_TIME_S)
     change, passed_s = kernel.changes(age_s, np.stack([track.state[:, SPEED], heading]), begins, look_back_s)
     promised = track.state[:, [ACCEL, YAW_RATE], None] * passed_s[:, None, :]
     is_told = (passed_s >= MIN_LOOK_BACK_DATA_S)[:, None, :] & (promised != 0.0)
@@ -225,8 +225,8 @@ def actual_displacement_beyond_constant_velocity_m(track: StateHistory) -> Float
         cosine * displacement_m[..., 1] - sine * displacement_m[..., 0],
     )
     chord = np.hypot(ahead, left)
-    angle = np.where(chord > MIN_CHORD_M, np.arctan2(left, ahead), 0.0)
-    arc = np.where(chord > MIN_CHORD_M, chord / np.sinc(angle / np.pi), ahead)
+    angle = np.where(chord > MIN_CHORD_OF_DRIVEN_ARC_M, np.arctan2(left, ahead), 0.0)
+    arc = np.where(chord > MIN_CHORD_OF_DRIVEN_ARC_M, chord / np.sinc(angle / np.pi), ahead)
     straight_m = np.abs(speed) * HORIZON_KNOTS_S
     out = np.stack([forward * (arc - straight_m), angle * straight_m], axis=1)
     is_arc = is_known & (np.abs(angle) < MAX_CHORD_TO_HEADING_RAD)
@@ -244,8 +244,8 @@ def rows_at_which_outcomes_became_known(track: StateHistory, knots_s: FloatArray
 
 
 def outcome_known_times_ns(track: StateHistory, knots_s: FloatArray = HORIZON_KNOTS_S) -> Int64Array:
-    """When each start's outcome at each knot became known, shape (n, k); never: `NEVER_NS`."""
-    return np.append(track.known_ns, NEVER_NS)[rows_at_which_outcomes_became_known(track, knots_s)]
+    """When each start's outcome at each knot became known, shape (n, k); never: `OUTCOME_NEVER_KNOWN_NS`."""
+    return np.append(track.known_ns, OUTCOME_NEVER_KNOWN_NS)[rows_at_which_outcomes_became_known(track, knots_s)]
 
 
 def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -> FloatArray:
@@ -280,7 +280,7 @@ def gain_of_each_part_from_outcomes(track: StateHistory, part_shares: PartShares
         prior: The gains without any outcome.
     """
     known_row = rows_at_which_outcomes_became_known(track)
-    known_ns = np.append(track.known_ns, NEVER_NS)[known_row]
+    known_ns = np.append(track.known_ns, OUTCOME_NEVER_KNOWN_NS)[known_row]
     return kernel.gains(
         part_shares,
         displacement_beyond_constant_velocity_m(track.state),

@@ -15,7 +15,7 @@ ODOM_FRAME = "odom"
 """Frame id of dead-reckoned poses (REP-105)."""
 MAX_INTERPOLATED_EGO_GAP_S = 0.5
 """Longest gap in s across which the ego's states are interpolated. Chosen by hand; not fitted."""
-MIN_SLIP_SPEED_MPS = 1.0
+MIN_SPEED_OF_SIDE_SLIP_MPS = 1.0
 """Speed in m/s below which the side slip counts as 0, because lateral speeds are mostly noise there. Chosen by hand;
 not fitted."""
 
@@ -65,5 +65,5 @@ def body_poses_from_states(stamp_ns: Int64Array, state: StateRows, track: Latera
 
 def side_slip_rad(lateral_mps: FloatArray, forward_mps: FloatArray) -> FloatArray:
     """Angle from the car's axis to its direction of motion; 0 at walking pace."""
-    moves = np.abs(forward_mps) >= MIN_SLIP_SPEED_MPS
+    moves = np.abs(forward_mps) >= MIN_SPEED_OF_SIDE_SLIP_MPS
     return np.where(moves, np.arctan2(lateral_mps, np.where(moves, forward_mps, 1.0)), 0.0)

@@ -18,7 +18,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED
 
-MAX_TOTAL_TURN_RAD = 0.5 * np.pi
+ASSUMED_TOTAL_TURN_RAD = 0.5 * np.pi
 """Angle, rad, after which a turn is taken to end: the one at which streets mostly cross. Chosen by hand; not fitted."""
 WAY_DRIVEN_IN_TURN_M = 30.0
 """Way driven in a turn, m: a quarter of a circle of 19 m, wide for a street in a town. Chosen by hand; not fitted."""
@@ -70,13 +70,13 @@ def left_turn_on_last_way_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, sta
 
 
 def end_turns_of_paths_at_quarter_turn(paths: Paths, turned_rad: FloatArray) -> Paths:
-    """End the turn of each path where it comes to `MAX_TOTAL_TURN_RAD` with what was turned before, (n,).
+    """End the turn of each path where it comes to `ASSUMED_TOTAL_TURN_RAD` with what was turned before, (n,).
 
     Speeds and covariances stay as they are.
     """
     start = paths.heading_rad[:, :1]
-    left = np.clip(MAX_TOTAL_TURN_RAD - turned_rad, 0.0, MAX_TOTAL_TURN_RAD)[:, None]
-    right = np.clip(MAX_TOTAL_TURN_RAD + turned_rad, 0.0, MAX_TOTAL_TURN_RAD)[:, None]
+    left = np.clip(ASSUMED_TOTAL_TURN_RAD - turned_rad, 0.0, ASSUMED_TOTAL_TURN_RAD)[:, None]
+    right = np.clip(ASSUMED_TOTAL_TURN_RAD + turned_rad, 0.0, ASSUMED_TOTAL_TURN_RAD)[:, None]
     turn = paths.heading_rad - start
     if not ((turn > left) | (turn < -right)).any():
         return paths

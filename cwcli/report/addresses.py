@@ -14,7 +14,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.metrics.gates import GateCheck
 from cwcli.report.pairs import unwarned_conflict_links, warning_anchor_names
 from cwcli.report.source import LogEntry, read_reported_run
-from cwcli.report.tables import MAX_TABLE_ROWS
+from cwcli.report.tables import MAX_PAGE_TABLE_ROWS
 
 MAX_LINKS_PER_CHECK = 20
 """The greatest number of links that are given for one check. Chosen by hand; not fitted."""
@@ -214,7 +214,7 @@ def _find_link_targets(log: Log, name: str) -> list[LinkTarget]:
     right: list[LinkTarget] = []
     wrong: list[LinkTarget] = []
     named = zip(warning_anchor_names(name, drive_encounters), drive_encounters.encounters, strict=True)
-    for mark, encounter in list(named)[:MAX_TABLE_ROWS]:
+    for mark, encounter in list(named)[:MAX_PAGE_TABLE_ROWS]:
         badge = verdict_badge(encounter)
         targets = right if badge.tone == "alert" else wrong
         words = f"warning {encounter.event_id}, {name_of_other(encounter)}: {badge.text}"

@@ -29,7 +29,7 @@ from cwcli.pipeline.records import read_run_records
 from cwcli.report.gates import build_gate_views, gate_badge_of_run, gate_badges_of_log
 from cwcli.report.overview import (
     MAX_PAGE_BYTES,
-    METRIC_COLUMNS,
+    OVERVIEW_METRICS_AND_HEADINGS,
     LogCandidate,
     Report,
     assemble_run_report,
@@ -199,7 +199,7 @@ def _build_report_of_one_log(
 def _page_metric_filter(gates: Sequence[str]) -> Callable[[str], bool]:
     """Return a function that tells whether the page of many logs needs a metric."""
     patterns = [name for gate in gates for name in metric_names_in_gate(gate)]
-    columns = {name for name, _ in METRIC_COLUMNS}
+    columns = {name for name, _ in OVERVIEW_METRICS_AND_HEADINGS}
     return lambda name: (
         name in columns or is_pooled_metric(name) or any(matches_pattern(pattern, name) for pattern in patterns)
     )

@@ -17,9 +17,9 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_count
 
-MAX_DRAWN_LOGS = 100
+MAX_LOGS_WITH_FIGURES = 100
 """Greatest number of logs with figures; chosen by hand, so that the page stays below 3 MB."""
-MAX_DRAWN_POINTS = 300
+MAX_POINTS_PER_LINE = 300
 """Greatest number of points of a line; chosen by hand, a line is 300 pixels wide."""
 
 
@@ -73,12 +73,12 @@ def build_comparison_page(
     for k, log in enumerate(logs):
         step(k, log.name)
         lines = "".join(f"<p>{escape_for_html(line)}</p>" for line in log.sentences)
-        figures = _map_and_strips_or_reason_html(log, open_log) if k < MAX_DRAWN_LOGS else ""
+        figures = _map_and_strips_or_reason_html(log, open_log) if k < MAX_LOGS_WITH_FIGURES else ""
         name = escape_for_html(log.name)
         cards.append(f'<article><h2>{name}</h2>{lines}<div class="figures">{figures}</div></article>\n')
     head = f"{len(logs)} of {format_count(n_compared, 'compared log')} differ."
-    if len(logs) > MAX_DRAWN_LOGS:
-        head += f" The first {MAX_DRAWN_LOGS} have figures."
+    if len(logs) > MAX_LOGS_WITH_FIGURES:
+        head += f" The first {MAX_LOGS_WITH_FIGURES} have figures."
     legend = (
         f'In the figures <b style="color:{WARNING_COLOUR}">the earlier run is orange</b> and <b style="color:'
         f'{EGO_COLOUR}">the later one is blue</b>. Dashed lines are warnings that only this run gives, or gives at '
@@ -119,7 +119,7 @@ def _read_ego_motions_of_both_runs(early: EventEvidence, late: EventEvidence, st
     Raises:
         MissingSignalError: A log holds no states of the ego.
     """
-    rows = np.unique(np.linspace(0, len(early.stamp_ns) - 1, MAX_DRAWN_POINTS).astype(int))
+    rows = np.unique(np.linspace(0, len(early.stamp_ns) - 1, MAX_POINTS_PER_LINE).astype(int))
     at_ns = early.stamp_ns[rows]
     late_s = (late.stamp_ns - start_ns) / NS_PER_S
     time_s = (at_ns - start_ns) / NS_PER_S

@@ -71,7 +71,7 @@ MEASURE_STRIPS = (
 """Measures below the distance: measure, description, axis title, unit, top of the axis, colour."""
 DISTANCE_HEIGHT_SHARES = (1.0, 0.6, 0.44)
 """Share of the figure's height for the distance when no, one or two strips lie below it. Chosen by hand; not fitted."""
-STRIP_FILL_SHARE = 0.74
+DRAWN_SHARE_OF_STRIP_HEIGHT = 0.74
 """Share of a strip's height that is drawn; the rest separates the strips. Chosen by hand; not fitted."""
 
 
@@ -279,7 +279,7 @@ def _distance_figure_of_pair(
     }
     for place, (k, measure, name, title, unit, most, colour) in enumerate(strips):
         data.append(trace_column(k, name, colour, unit, yaxis=f"y{place + 2}"))
-        domain = [round(place * height, 3), round(place * height + STRIP_FILL_SHARE * height, 3)]
+        domain = [round(place * height, 3), round(place * height + DRAWN_SHARE_OF_STRIP_HEIGHT * height, 3)]
         layout[f"yaxis{place + 2}"] = axis_settings(title, domain=domain, range=[0.0, most])
         if measure.threshold is not None:
             text = f"{measure.threshold:g} {unit}: a conflict"

@@ -27,9 +27,9 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_count, format_number
 
-MAX_CARDS = 300
+MAX_EVENT_CARDS = 300
 """Greatest number of events with a card; chosen by hand, so that the page stays below 6 MB."""
-MAX_DRAWN_POINTS = 150
+MAX_POINTS_PER_LINE = 150
 """Greatest number of points of a line; chosen by hand, a line is 300 pixels wide."""
 
 
@@ -64,14 +64,14 @@ def build_event_page(
     """Build the page of some events as HTML, which needs no script and no network.
 
     Args:
-        found: The events, the most severe first; the first `MAX_CARDS` get a card.
+        found: The events, the most severe first; the first `MAX_EVENT_CARDS` get a card.
         paths: Name of a log -> its path.
         open_log: Opens a log by its path.
         margin_s: What the figures show before and after an event, s.
         clip_addresses: Id of an event -> address of its clip relative to the page; no link without one.
         step: Called with the number of drawn events and the name of the log before it is read.
     """
-    shown = found[:MAX_CARDS]
+    shown = found[:MAX_EVENT_CARDS]
     figures: dict[str, str] = {}
     by_log: dict[str, list[FoundEvent]] = {}
     for event in shown:
@@ -167,7 +167,7 @@ def _read_scene(evidence: EventEvidence, event: FoundEvent, margin_s: float) -> 
     stamp_ns, moment = evidence.stamp_ns, event.moment
     margin_ns = round(margin_s * NS_PER_S)
     first, last = np.searchsorted(stamp_ns, (moment.start_ns - margin_ns, moment.end_ns + margin_ns + 1))
-    rows = np.unique(np.linspace(first, max(last - 1, first), MAX_DRAWN_POINTS).astype(int))[: int(last - first)]
+    rows = np.unique(np.linspace(first, max(last - 1, first), MAX_POINTS_PER_LINE).astype(int))[: int(last - first)]
     time_s = (stamp_ns[rows] - moment.start_ns) / NS_PER_S
     is_inside = (stamp_ns[rows] >= moment.start_ns) & (stamp_ns[rows] <= moment.end_ns)
     names = [each for each in moment.actors[1:] if each in evidence.tracks.others]

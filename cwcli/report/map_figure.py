@@ -38,7 +38,7 @@ MAX_WARNINGS_ON_MAP = 30
 """The greatest number of warnings that the map marks. Chosen by hand; not fitted."""
 N_FIX_GRID_CELLS = 500
 """Cells of the grid along each axis; of fixes in one cell the first is drawn. Chosen by hand; not fitted."""
-TOLERANCES_PER_EXTENT = 4000.0
+TRACK_EXTENT_PER_TOLERANCE = 4000.0
 """The track's extent divided by this is the tolerance of its simplification. Chosen by hand; not fitted."""
 MIN_TRACK_TOLERANCE_M = 0.02
 """The least tolerance of a track's simplification, in m. Chosen by hand; not fitted."""
@@ -65,7 +65,7 @@ def build_map_figure(drive: Drive, drive_encounters: DriveEncounters) -> tuple[F
     tolerance = MIN_TRACK_TOLERANCE_M
     if drive.ego is not None:
         xy = drive.ego.state[:, :2]
-        tolerance = max(tolerance, float(np.ptp(xy, axis=0).max()) / TOLERANCES_PER_EXTENT)
+        tolerance = max(tolerance, float(np.ptp(xy, axis=0).max()) / TRACK_EXTENT_PER_TOLERANCE)
         if drive.truth is not None:
             own.append(
                 _track_trace(

@@ -30,7 +30,7 @@ MAX_ROWS_WITH_NAMED_CELLS = 200
 third of the table."""
 DOUBTS_METRIC = "doubts.count"
 """Metric that counts the doubts about a log."""
-METRIC_COLUMNS = (
+OVERVIEW_METRICS_AND_HEADINGS = (
     (DOUBTS_METRIC, "doubts"),
     ("data.duration_s", "duration [s]"),
     ("warnings.count", "warnings"),
@@ -104,7 +104,9 @@ def assemble_run_report(
         InputError: The run has too many logs for a page.
     """
     columns = [
-        (name, title) for name, title in METRIC_COLUMNS if any(name in each.entry.metrics for each in candidates)
+        (name, title)
+        for name, title in OVERVIEW_METRICS_AND_HEADINGS
+        if any(name in each.entry.metrics for each in candidates)
     ]
     rows = []
     for each in candidates:

@@ -15,7 +15,7 @@ from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.pooling import MetricRow
 from cwcli.metrics.system_pairs import pair_with_own
-from cwcli.report.tables import MAX_TABLE_ROWS, format_metric_value
+from cwcli.report.tables import MAX_PAGE_TABLE_ROWS, format_metric_value
 from cwcli.report.views import TableView
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import escape_control_characters, format_count, join_names
@@ -84,7 +84,7 @@ def _other_system_warnings_table(drive: Drive, system: OtherSystemVerdicts) -> T
     """Build the table of another system's warnings."""
     outcomes = system.flag_scores.judged
     rows = []
-    for k, each in enumerate(outcomes[:MAX_TABLE_ROWS], start=1):
+    for k, each in enumerate(outcomes[:MAX_PAGE_TABLE_ROWS], start=1):
         at, until = (f"{(stamp_ns - drive.start_ns) / NS_PER_S:.2f}" for stamp_ns in (each.raised_ns, each.last_ns))
         lead = f"{each.lead_time_s:.2f}" if math.isfinite(each.lead_time_s) else "-"
         about = escape_control_characters(each.other_id)[:40] or "-"
@@ -97,5 +97,7 @@ def _other_system_warnings_table(drive: Drive, system: OtherSystemVerdicts) -> T
         ("the conflict was with", False),
         ("lead [s]", True),
     )
-    hint = f"the first {MAX_TABLE_ROWS} of {len(outcomes)} are listed" if len(outcomes) > MAX_TABLE_ROWS else ""
+    hint = (
+        f"the first {MAX_PAGE_TABLE_ROWS} of {len(outcomes)} are listed" if len(outcomes) > MAX_PAGE_TABLE_ROWS else ""
+    )
     return TableView(f"Warnings of {escape_control_characters(system.topic)}", columns, tuple(rows), hint)

@@ -18,7 +18,7 @@ from cwcli.text import format_interval, format_number
 
 TIME_ORIGIN_PHRASE = "the log began"
 """The phrase that says what times in the tables count from."""
-MAX_TABLE_ROWS = 200
+MAX_PAGE_TABLE_ROWS = 200
 """The greatest number of rows of a table. Chosen by hand; not fitted."""
 
 
@@ -89,10 +89,10 @@ def all_warnings_table(
         ("lead [s]", True),
         ("nearest [m]", True),
     )
-    listed = rows[:MAX_TABLE_ROWS]
+    listed = rows[:MAX_PAGE_TABLE_ROWS]
     hint = "the most critical ones have figures above"
     if len(rows) > len(listed):
-        hint += f"; the first {MAX_TABLE_ROWS} of {len(rows)} are listed"
+        hint += f"; the first {MAX_PAGE_TABLE_ROWS} of {len(rows)} are listed"
     names = tuple(anchor_name_by_warning.get(each.event_id, "") for each in drive_encounters.encounters[: len(listed)])
     return TableView("All warnings", columns, tuple(listed), hint, row_marks=names)
 
@@ -128,7 +128,9 @@ def build_log_tables(drive: Drive, entry: LogEntry, *, has_all_metrics: bool) ->
         )
         if not any(row[-1] for row in rows):
             columns, rows = columns[:-1], [row[:-1] for row in rows]
-        tables.append(TableView("Messages read, used, rejected and repaired", columns, tuple(rows[:MAX_TABLE_ROWS])))
+        tables.append(
+            TableView("Messages read, used, rejected and repaired", columns, tuple(rows[:MAX_PAGE_TABLE_ROWS]))
+        )
     if entry.metrics:
         tables += _build_metrics_tables(entry, has_all_metrics)
     return tables
@@ -138,7 +140,7 @@ def _build_metrics_tables(entry: LogEntry, has_all_metrics: bool) -> list[TableV
     """Build the table of the metrics that runs are compared by, and a folded one of the rest."""
     main: list[tuple[str, ...]] = []
     rest: list[tuple[str, ...]] = []
-    for metric in list(entry.metrics.values())[: 2 * MAX_TABLE_ROWS]:
+    for metric in list(entry.metrics.values())[: 2 * MAX_PAGE_TABLE_ROWS]:
         known = find_metric(metric.metric)
         value, between = format_metric_value(metric.metric, metric.value), format_interval(metric.low, metric.high)
         if metric.stage == "system":  # beside cwcli's own, in a table of its own

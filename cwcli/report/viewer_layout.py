@@ -26,7 +26,7 @@ from cwcli.channels.published import (
     Channel,
     schema_name_by_published_topic,
 )
-from cwcli.control.encounter import POLICIES
+from cwcli.control.encounter import BRAKING_POLICY_NAMES
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.report.viewer_panels import (
@@ -73,7 +73,7 @@ ESTIMATED_FIX_COLOUR = "#2680ff"
 """Colour of estimated fixes on the viewer's map. Chosen by hand; not fitted."""
 SCENE_VIEW_DISTANCE_M = 120.0
 """Distance of the 3D panel's view from above, in m. Chosen by hand; not fitted."""
-GRID_SIZE_M = 1000.0
+SCENE_GRID_SIZE_M = 1000.0
 """Size of the 3D panel's grid, in m. Chosen by hand; not fitted."""
 TAB_TITLES = ("Drive", "Signals", "Warnings", "Lanes", "Targets", "Control", "Messages")
 """Titles of the layout's tabs, in order."""
@@ -256,7 +256,7 @@ class _LayoutBuilder:
                     message_path(kind.with_policy_in_topic(policy).topic, name),
                     f"{policy} {name}" if names[1:] else policy,
                 )
-                for policy in POLICIES
+                for policy in BRAKING_POLICY_NAMES
                 for name in names
             ]
 
@@ -298,7 +298,9 @@ class _LayoutBuilder:
             scene={"transforms": {"enablePreloading": True}},
             transforms={f"frame:{BODY_FRAME}": {"visible": True}},
             topics={topic: {"visible": True} for topic in (*shown, *self.log.scene_topics)},
-            layers={"grid": {"layerId": "foxglove.Grid", "visible": True, "frameId": MAP_FRAME, "size": GRID_SIZE_M}},
+            layers={
+                "grid": {"layerId": "foxglove.Grid", "visible": True, "frameId": MAP_FRAME, "size": SCENE_GRID_SIZE_M}
+            },
         )
 
     def _add_map_panel(self) -> str:

@@ -107,10 +107,10 @@ CURVE_STYLES: dict[str, dict[str, Any]] = {
 }
 """Label of a curve -> its style in every figure; ours is dashed where it may cover the paper's, and what is true lies
 broad under what is estimated. True is blue, detected green and estimated red, as in figures 7 and 8 of xiang2019."""
-DETAIL_PLACE = (0.5, 0.45, 0.48, 0.5)
+INSET_LEFT_BOTTOM_WIDTH_HEIGHT_SHARES = (0.5, 0.45, 0.48, 0.5)
 """Left, bottom, width and height of a detail, as shares of the plot: the upper right, where distances under control
 leave room. Chosen by hand."""
-MARK_COLOURS = ("black", "tab:purple")
+VERTICAL_LINE_COLOURS = ("black", "tab:purple")
 """Colours of the vertical lines: ours, the paper's."""
 MAX_TITLE_CHARACTERS = 90
 """Characters of a title's line that fit above the plot. Chosen by hand."""
@@ -141,7 +141,7 @@ def _draw_and_write_plot(
         axes.set_aspect("equal")
     for curve in plot.curves:
         _draw_curve(axes, curve, plot.level)
-    for (label, x), colour in zip(plot.marks.items(), MARK_COLOURS, strict=False):
+    for (label, x), colour in zip(plot.marks.items(), VERTICAL_LINE_COLOURS, strict=False):
         axes.axvline(x, color=colour, linestyle=":", linewidth=1.2, label=label)
     if plot.level is not None:
         label, y = plot.level
@@ -190,7 +190,7 @@ def _draw_curve(axes: Any, curve: Curve, level: tuple[str, float] | None) -> Non
 
 def _draw_detail(axes: Any, detail: tuple[tuple[float, float], tuple[float, float]]) -> None:
     """Draw the lines of the axes again in a part of them, enlarged."""
-    inset = axes.inset_axes(DETAIL_PLACE, xlim=detail[0], ylim=detail[1])
+    inset = axes.inset_axes(INSET_LEFT_BOTTOM_WIDTH_HEIGHT_SHARES, xlim=detail[0], ylim=detail[1])
     for line in axes.get_lines():
         inset.plot(*line.get_data(), color=line.get_color(), linestyle=line.get_linestyle(), linewidth=1.2)
     inset.grid(alpha=0.3)

@@ -16,13 +16,13 @@ ACCEL_FILTER_DELAY_S = np.sqrt(2.0) / ACCEL_FILTER_CUTOFF_RADPS
 """The time by which that filter delays slow changes, in seconds (0.225); it follows from the Butterworth form."""
 HEADING_LATCH_SPEED_MPS, HEADING_RELEASE_SPEED_MPS = 0.5556, 0.6944
 """The speeds below which a sender freezes its heading and above which it releases it, in m/s (SAE J2945/1)."""
-FILTER_STEP_S = 1e-3
+ACCEL_FILTER_STEP_S = 1e-3
 """The default sampling interval of the filter, in seconds; chosen by hand."""
-MAX_MESSAGE_PAUSE_S = 0.5
+MAX_PAUSE_OF_UNFILTERED_MESSAGES_S = 0.5
 """The longest pause between messages, in seconds, across which the filter is undone. Chosen by hand; not fitted."""
 
 
-def apply_senders_acceleration_low_pass(values: FloatArray, step_s: float = FILTER_STEP_S) -> FloatArray:
+def apply_senders_acceleration_low_pass(values: FloatArray, step_s: float = ACCEL_FILTER_STEP_S) -> FloatArray:
     """Return samples (n,) after the senders' low pass (bilinear transform), which starts settled at the first
     sample."""
     k = 2.0 / step_s
@@ -86,7 +86,11 @@ def undo_low_pass_filter_and_noise_gain(time_s: FloatArray, accel_mps2: FloatArr
         found = y0 + c0 * y0 + c1 * y1 + c2 * y2
         noise = np.sqrt((1.0 + c0) ** 2 + c1**2 + c2**2)
     usable = (
-        np.isfinite(found) & (one <= MAX_MESSAGE_PAUSE_S) & (two <= MAX_MESSAGE_PAUSE_S) & (one > 0.0) & (two > 0.0)
+        np.isfinite(found)
+        & (one <= MAX_PAUSE_OF_UNFILTERED_MESSAGES_S)
+        & (two <= MAX_PAUSE_OF_UNFILTERED_MESSAGES_S)
+        & (one > 0.0)
+        & (two > 0.0)
     )
     out[2:] = np.where(usable, found, y0)
     gain[2:] = np.where(usable, noise, 1.0)

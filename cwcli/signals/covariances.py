@@ -12,7 +12,7 @@ SIGMAS_PER_95_PERCENT_HALF_WIDTH = 1.959964
 SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS = 2.447747
 """Radius that holds 95 % of a two-dimensional normal distribution: sqrt(5.9915), chi-square with 2 degrees."""
 
-MIN_VARIANCE = 1e-18
+MIN_MEASUREMENT_VARIANCE = 1e-18
 """The least variance that a measurement can have, in the square of its SI unit (a nanometre's); chosen by hand."""
 UNUSABLE_COVARIANCE_REASON = "covariance unusable, left out"
 """The reason for leaving out a covariance that is not positive definite, or a variance that is invalid."""
@@ -22,7 +22,7 @@ def usable_variances_or_nan(ledger: RowLedger, variance: FloatArray) -> FloatArr
     """Replace variances that mean "not given" or are invalid by NaN; invalid ones are counted as repairs.
 
     Zero means "not filled in" in ROS messages, -1 "not measured" (`sensor_msgs/Imu`). Another negative one, an
-    infinite one or one below `MIN_VARIANCE` is a fault: counted as a repair.
+    infinite one or one below `MIN_MEASUREMENT_VARIANCE` is a fault: counted as a repair.
 
     Args:
         variance: Shape (n,) or (n, k).
@@ -31,8 +31,8 @@ def usable_variances_or_nan(ledger: RowLedger, variance: FloatArray) -> FloatArr
         The same shape: positive and finite, or NaN.
     """
     table = variance[:, None] if variance.ndim == 1 else variance
-    is_given = np.isfinite(table) & (table >= MIN_VARIANCE)
-    is_wrong = np.isinf(table) | (table < MIN_VARIANCE) & (table != 0.0) & (table != -1.0)
+    is_given = np.isfinite(table) & (table >= MIN_MEASUREMENT_VARIANCE)
+    is_wrong = np.isinf(table) | (table < MIN_MEASUREMENT_VARIANCE) & (table != 0.0) & (table != -1.0)
     ledger.count_repaired(is_wrong.any(axis=1), UNUSABLE_COVARIANCE_REASON)
     return np.where(is_given, table, np.nan).reshape(variance.shape)
 
@@ -47,7 +47,10 @@ def usable_plane_covariance_or_nan(ledger: RowLedger, xx: FloatArray, xy: FloatA
     is_absent = np.isnan(covariance).any(axis=1) | ((xx == 0.0) & (yy == 0.0)) | (xx == -1.0)
     with np.errstate(invalid="ignore", over="ignore"):
         is_definite = (
-            (xx >= MIN_VARIANCE) & (yy >= MIN_VARIANCE) & (xx * yy > xy * xy) & np.isfinite(covariance).all(axis=1)
+            (xx >= MIN_MEASUREMENT_VARIANCE)
+            & (yy >= MIN_MEASUREMENT_VARIANCE)
+            & (xx * yy > xy * xy)
+            & np.isfinite(covariance).all(axis=1)
         )
     ledger.count_repaired(~is_absent & ~is_definite, UNUSABLE_COVARIANCE_REASON)
     return np.where((is_definite & ~is_absent)[:, None], covariance, np.nan)

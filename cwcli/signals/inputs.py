@@ -265,10 +265,10 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     "j2735_v2x_msgs/BSM": _v2x_inputs("j2735.ROS_BSM", LazyFields("j2735.ROS_LEAF_FIELDS")),
     "carma_v2x_msgs/BSM": _v2x_inputs("j2735.CARMA_BSM", LazyFields("j2735.CARMA_LEAF_FIELDS")),
     **dict.fromkeys(
-        ("carma_driver_msgs/ByteArray", "cwcli_radio/J2735"), _v2x_inputs("radio.codec.J2735", _OCTET_FIELDS)
+        ("carma_driver_msgs/ByteArray", "cwcli_radio/J2735"), _v2x_inputs("radio.codec.J2735_CODEC", _OCTET_FIELDS)
     ),
-    **dict.fromkeys(("cwcli_radio/Btp", "udp_msgs/UdpPacket"), _v2x_inputs("radio.codec.BTP", _OCTET_FIELDS)),
-    "cwcli_radio/Its": _v2x_inputs("radio.codec.ITS", _OCTET_FIELDS),
+    **dict.fromkeys(("cwcli_radio/Btp", "udp_msgs/UdpPacket"), _v2x_inputs("radio.codec.BTP_CODEC", _OCTET_FIELDS)),
+    "cwcli_radio/Its": _v2x_inputs("radio.codec.ITS_CODEC", _OCTET_FIELDS),
     **dict.fromkeys(("BasicSafetyMessage", "MessageFrame"), _v2x_inputs("j2735.JSON_BSM", _JSON_BSM_FIELDS)),
     **dict.fromkeys(
         ("OdeBsmData", "OdeBsmJson", "OdeMessageFrameData"),

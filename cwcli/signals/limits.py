@@ -20,12 +20,12 @@ MAX_ALTITUDE_M = 1e6
 """The largest altitude that is accepted, in metres; chosen far beyond any road."""
 MAX_ROAD_WHEEL_STEER_RAD = 1.6
 """The largest steering angle of a wheel that is accepted, in rad: a little more than a right angle."""
-MAX_POSITION_M = 1e8
+MAX_COORDINATE_M = 1e8
 """The largest coordinate that is accepted, in metres; chosen beyond the size of the Earth."""
 MAX_ANGLE_RAD = 1e6
 """Greatest angle in rad, also of angles that are counted on through every turn; beyond, doubles lose its small digits.
 Chosen by hand."""
-MAX_SIZE_M = 1e3
+MAX_ROAD_USER_SIZE_M = 1e3
 """Greatest length or width of a road user, and distance of its axle from its middle, m. Chosen by hand."""
 
 NOT_FINITE_REASON = "value not a number"

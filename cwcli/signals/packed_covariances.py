@@ -22,9 +22,9 @@ from cwcli.signals.precision import round_to_binary_digits, round_to_binary_step
 Float32Array = npt.NDArray[np.float32]
 SIGMA_BINARY_DIGITS = 9
 """The number of binary digits of a sigma: a relative step of 0.2 %. Chosen by hand."""
-CORRELATION_BITS = 9
+CORRELATION_BINARY_DIGITS = 9
 """The number of binary digits of a correlation: a step of 2^-9. Chosen by hand."""
-FINE_CORRELATION_BITS = 20
+MAX_CORRELATION_BINARY_DIGITS = 20
 """The largest number of binary digits of a correlation in a matrix that is close to singular. Chosen by hand."""
 MIN_UNEXPLAINED_VARIANCE_FOR_COARSE_STEPS = 2.0**-3
 """The share (1) of a state's variance that is not explained by the others, below which finer steps are used. Chosen by
@@ -161,7 +161,7 @@ def _sigmas_and_correlations_of_block(covariance: FloatArray) -> tuple[FloatArra
     is_finite = np.isfinite(exact).all(axis=1) & (exact > 0.0).all(axis=1) & np.isfinite(full).all(axis=1)
     sigma, correlation = (
         round_to_binary_digits(exact, SIGMA_BINARY_DIGITS),
-        round_to_binary_step(full, CORRELATION_BITS),
+        round_to_binary_step(full, CORRELATION_BINARY_DIGITS),
     )
     close = np.flatnonzero(
         is_finite & ~(_min_unexplained_variance_shares(correlation, k) >= MIN_UNEXPLAINED_VARIANCE_FOR_COARSE_STEPS)
@@ -173,7 +173,7 @@ def _sigmas_and_correlations_of_block(covariance: FloatArray) -> tuple[FloatArra
             close = close[is_finite[close] & ~(_min_unexplained_variance_shares(correlation[close], k) > 0.0)]
             if not len(close):
                 break
-            correlation[close] = round_to_binary_step(full[close] * (1.0 - share), FINE_CORRELATION_BITS)
+            correlation[close] = round_to_binary_step(full[close] * (1.0 - share), MAX_CORRELATION_BINARY_DIGITS)
     sigma[~is_finite] = correlation[~is_finite] = np.nan
     return sigma, correlation
 
@@ -181,7 +181,11 @@ def _sigmas_and_correlations_of_block(covariance: FloatArray) -> tuple[FloatArra
 def _correlation_bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
     """Return the number of binary digits of each matrix's step, at least the usual one; all must be finite."""
     least = np.linalg.eigvalsh(_covariance_matrices(np.ones((len(correlation), k)), correlation))[:, 0]
-    step = np.clip(MAX_CORRELATION_STEP_PER_EIGENVALUE * least, 2.0**-FINE_CORRELATION_BITS, 2.0**-CORRELATION_BITS)
+    step = np.clip(
+        MAX_CORRELATION_STEP_PER_EIGENVALUE * least,
+        2.0**-MAX_CORRELATION_BINARY_DIGITS,
+        2.0**-CORRELATION_BINARY_DIGITS,
+    )
     return np.asarray(np.ceil(-np.log2(step)), np.intp)
 
 

@@ -22,7 +22,7 @@ MIN_GAP_IN_SENDING_PERIODS = 5.0
 MAX_NEGATIVE_LATENCY_S = 0.002
 """The time by which a median latency may be negative, in seconds: two steps of the message clock. Below, the clocks
 disagree."""
-DISTANCE_BIN_M = 50.0
+RECEPTION_DISTANCE_BIN_M = 50.0
 """The width of a bin of distance, in metres; chosen by hand."""
 
 
@@ -199,6 +199,6 @@ def _distances_of_lost_messages_m(distance_m: FloatArray, n_lost: FloatArray) ->
 def _reception_by_distance(received_m: FloatArray, lost_m: FloatArray) -> ReceptionByDistance:
     received_m, lost_m = received_m[np.isfinite(received_m)], lost_m[np.isfinite(lost_m)]
     farthest_m = max([0.0, *received_m, *lost_m]) if len(received_m) else 0.0
-    edges_m = DISTANCE_BIN_M * np.arange(int(farthest_m // DISTANCE_BIN_M) + 2, dtype=np.float64)
+    edges_m = RECEPTION_DISTANCE_BIN_M * np.arange(int(farthest_m // RECEPTION_DISTANCE_BIN_M) + 2, dtype=np.float64)
     received = np.histogram(received_m, edges_m)[0]
     return ReceptionByDistance(edges_m, received, received + np.histogram(lost_m, edges_m)[0])

@@ -43,7 +43,7 @@ KNOWN_ACCEL_SIGMA_MPS2, JERK_SIGMA_MPS3 = 0.5, 1.5
 hand; not fitted."""
 MIN_SPEED_FOR_HEADING_MPS = 1.0
 """The speed in m/s below which a heading says little, because senders freeze it at standstill. Chosen by hand."""
-MAX_SIZE_DIFFERENCE_M = 0.2
+MAX_SIZE_DIFFERENCE_OF_ONE_VEHICLE_M = 0.2
 """The largest difference of lengths or widths of one vehicle, in metres. Chosen by hand; not fitted."""
 IMPOSSIBLE_PAIR_COST = 1e9
 """The finite cost of an impossible pair, which the solver needs."""
@@ -255,7 +255,7 @@ def _manoeuvre_speed_and_position_sigmas(
 
 def _sizes_agree_or_unknown_mask(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
     """Return where both sizes agree, or one is not given."""
-    differs: BoolArray = np.abs(one_m - other_m) > MAX_SIZE_DIFFERENCE_M
+    differs: BoolArray = np.abs(one_m - other_m) > MAX_SIZE_DIFFERENCE_OF_ONE_VEHICLE_M
     return ~differs
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.limits import MAX_POSITION_M
+from cwcli.signals.limits import MAX_COORDINATE_M
 
 BODY_FRAME_NAMES = ("base_footprint", "base_link")
 """The names of the vehicle's frame, preferred first: on the road below it (REP-105), else that of the body."""
@@ -41,7 +41,7 @@ class Transform:
         x, y, z, w = self.rotation
         size = math.sqrt(x * x + y * y + z * z + w * w)
         matrix = np.eye(4)
-        if not (0.0 < size < math.inf and all(abs(each) <= MAX_POSITION_M for each in self.translation_m)):
+        if not (0.0 < size < math.inf and all(abs(each) <= MAX_COORDINATE_M for each in self.translation_m)):
             return np.full((4, 4), np.nan)
         x, y, z, w = x / size, y / size, z / size, w / size
         matrix[:3, :3] = [

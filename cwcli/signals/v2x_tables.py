@@ -20,7 +20,7 @@ from pathlib import Path
 
 from cwcli.lazy_dataclass import dataclass
 
-_FOLDER = Path(__file__).with_suffix("")
+_TABLES_FOLDER = Path(__file__).with_suffix("")
 """The folder of the tables."""
 
 
@@ -98,7 +98,7 @@ def load_elements(standard: str) -> dict[str, Element]:
 
 def _read_rows(name: str) -> list[dict[str, str]]:
     """Return the rows of a table as column -> cell; cells that a line leaves out at its end are empty."""
-    lines = (_FOLDER / f"{name}.csv").read_text(encoding="utf-8").splitlines()
+    lines = (_TABLES_FOLDER / f"{name}.csv").read_text(encoding="utf-8").splitlines()
     head, *rows = ([cell.strip() for cell in line.split(",")] for line in lines)
     return [dict(zip(head, row + [""] * (len(head) - len(row)), strict=True)) for row in rows]
 

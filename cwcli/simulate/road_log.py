@@ -45,13 +45,13 @@ SPEED_TOPIC = "/vehicle/velocity"
 """Topic of the speed sensor."""
 IMU_TOPIC = "/imu/data"
 """Topic of the IMU."""
-LANES_TOPIC = "/truth/lanes"
+TRUE_LANES_TOPIC = "/truth/lanes"
 """Topic of the true lane labels in TuSimple's format."""
-BOUNDARIES_TOPIC = "/truth/boundaries"
+TRUE_BOUNDARIES_TOPIC = "/truth/boundaries"
 """Topic of the true boundaries as parabolas in the image."""
-LATERAL_TOPIC = "/truth/lateral"
+TRUE_LATERAL_MOTION_TOPIC = "/truth/lateral"
 """Topic of the true lateral motion."""
-EGO_TOPIC = "/truth/ego"
+TRUE_EGO_TOPIC = "/truth/ego"
 """Topic of the true track of the car."""
 METADATA_NAME = "cwcli.road"
 """Name of the metadata record with the configuration of the drive."""
@@ -68,7 +68,7 @@ SPEED_RATE_HZ, IMU_RATE_HZ = 50.0, 100.0
 """Message rates of the speed sensor and of the IMU, Hz. Chosen by hand as usual rates."""
 SPEED_SENSOR_SIGMA_MPS = 0.05
 """Standard deviation of the speed sensor's noise, m/s. Chosen by hand; not fitted."""
-IMU_NOISE_SIGMA = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
+IMU_NOISE_SIGMAS_MPS2_RADPS = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
 """Standard deviations of the IMU's noise, shape (6,): accelerations in m/s^2, then angular rates in rad/s. Chosen by
 hand."""
 FRAME_JPEG_QUALITY_PERCENT = 95
@@ -240,8 +240,8 @@ def write_road_log(
             written.append(WrittenChannel(topic, schema_name, len(data.stamp_ns), 0))
         schema_id = log.add_schema("TuSimpleLanes", "jsonschema", json.dumps(LANES_SCHEMA).encode())
         messages = [encode_lane_labels(truth, int(stamp_ns[index]), index) for index, truth in enumerate(truths)]
-        log.write_messages(log.add_channel(LANES_TOPIC, "json", schema_id), stamp_ns, messages)
-        written.append(WrittenChannel(LANES_TOPIC, "TuSimpleLanes", len(messages), 0))
+        log.write_messages(log.add_channel(TRUE_LANES_TOPIC, "json", schema_id), stamp_ns, messages)
+        written.append(WrittenChannel(TRUE_LANES_TOPIC, "TuSimpleLanes", len(messages), 0))
         log.add_metadata(METADATA_NAME, _road_record_entries(drive, config))
     return tuple(written)
 
@@ -336,7 +336,7 @@ def true_boundaries_channel(truths: Sequence[LaneTruth], stamp_ns: Int64Array) -
         columns[f"{side}.score"] = np.full(n, np.nan)
         columns[f"{side}.probability"] = found.astype(np.float64)
         columns[f"{side}.found"] = found
-    return OutputChannel(BOUNDARIES_TOPIC, "cwcli.v1.Lanes", stamp_ns, columns)
+    return OutputChannel(TRUE_BOUNDARIES_TOPIC, "cwcli.v1.Lanes", stamp_ns, columns)
 
 
 def encode_lane_labels(truth: LaneTruth, stamp_ns: int, index: int) -> bytes:
@@ -379,7 +379,7 @@ def _lateral_truth_channel(drive: RoadDrive, truths: Sequence[LaneTruth], stamp_
         "ahead_lateral_deviation_m": -ahead[:, 0],
         "ahead_heading_deviation_rad": -ahead[:, 1],
     }
-    return OutputChannel(LATERAL_TOPIC, "cwcli.v1.LateralState", stamp_ns, columns)
+    return OutputChannel(TRUE_LATERAL_MOTION_TOPIC, "cwcli.v1.LateralState", stamp_ns, columns)
 
 
 def _ego_truth_channel(drive: RoadDrive, stamp_ns: Int64Array) -> OutputChannel:
@@ -403,7 +403,7 @@ def _ego_truth_channel(drive: RoadDrive, stamp_ns: Int64Array) -> OutputChannel:
         "latitude_deg": np.full(n, np.nan),
         "longitude_deg": np.full(n, np.nan),
     }
-    return OutputChannel(EGO_TOPIC, "cwcli.v1.VehicleState", stamp_ns, columns)
+    return OutputChannel(TRUE_EGO_TOPIC, "cwcli.v1.VehicleState", stamp_ns, columns)
 
 
 def _sensor_times_s(drive: RoadDrive, rate_hz: float) -> FloatArray:
@@ -439,5 +439,5 @@ def _simulate_imu(drive: RoadDrive) -> SensorData:
     zero = np.zeros(len(time_s))
     accel = [drive.config.accel_mps2 - v_y * yaw_rate, dv_y + along * yaw_rate, zero + STANDARD_GRAVITY_MPS2]
     return _add_noise_and_stamps(
-        "imu", time_s, np.column_stack([*accel, zero, zero, yaw_rate]), IMU_NOISE_SIGMA, drive.config.seed
+        "imu", time_s, np.column_stack([*accel, zero, zero, yaw_rate]), IMU_NOISE_SIGMAS_MPS2_RADPS, drive.config.seed
     )

@@ -37,7 +37,7 @@ from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, encode_bsm_json, encode_o
 from cwcli.simulation.detectors import DetectionScans, positions_in_host_body_frame
 from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle
-from cwcli.simulation.spec import TOP_KEYS
+from cwcli.simulation.spec import SCENARIO_TOP_LEVEL_KEYS
 from cwcli.simulation.streams import seconds_to_ns
 from cwcli.version import __version__
 
@@ -52,7 +52,7 @@ DETECTION_TOPICS = {"lidar": "/lidar/detections", "radar": "/radar/detections"}
 """Topic of the detections of each sensor of other vehicles."""
 DETECTIONS_SCHEMA_NAME = "cwcli.Detections"
 """Schema name of the messages of detections, which are JSON."""
-DETECTION_DIGITS = 9
+DETECTION_DECIMALS = 9
 """Digits behind the point of detected values, so that the last bits of a processor's sine can't change a log."""
 DETECTION_VALUE_NAMES = {"lidar": ("x_m", "y_m"), "radar": ("range_m", "azimuth_rad", "range_rate_mps")}
 """Sensor -> names of the values that it detects, as in schemas/detections.schema.json."""
@@ -116,7 +116,7 @@ def scenario_record_entries(drive: SimulatedDrive) -> dict[str, str]:
     """
     scenario = drive.scenario
     resolved: dict[str, Any] = {
-        **{key: getattr(scenario, key) for key in TOP_KEYS},
+        **{key: getattr(scenario, key) for key in SCENARIO_TOP_LEVEL_KEYS},
         "seed": drive.seed,
         "origin": dict(scenario.origin),
         "sensors": {
@@ -182,13 +182,13 @@ def _write_detection_channels(log: LogWriter, drive: SimulatedDrive) -> list[Wri
 def _encode_detections(scans: DetectionScans) -> list[bytes]:
     """Encode the scans of one sensor as JSON messages, one a scan, with the noise that is in them."""
     names = DETECTION_VALUE_NAMES[scans.sensor]
-    sigmas = [round(float(sigma), DETECTION_DIGITS) for sigma in scans.sigma]
+    sigmas = [round(float(sigma), DETECTION_DECIMALS) for sigma in scans.sigma]
     if scans.sensor == "lidar":
         noise = {"covariance_xx_m2": sigmas[0] ** 2, "covariance_xy_m2": 0.0, "covariance_yy_m2": sigmas[1] ** 2}
     else:
         noise = dict(zip(("range_sigma_m", "azimuth_sigma_rad", "range_rate_sigma_mps"), sigmas, strict=True))
     rows = [
-        {**dict(zip(names, (round(value, DETECTION_DIGITS) for value in row), strict=True)), **noise}
+        {**dict(zip(names, (round(value, DETECTION_DECIMALS) for value in row), strict=True)), **noise}
         for row in scans.values.tolist()
     ]
     messages = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples, ScalarSamples
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_POINT_DISTANCE_M, LaneSamples, ScalarSamples
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -84,7 +84,13 @@ def simulate_lane_sensors_of_run(
     index = _truth_rows_of_frames(truth_of_runs, noise, random_stream(seed, *names, "jitter"))
     left, right = (
         _sample_line_from_camera(
-            truth_of_runs, run_index, index, road, vehicle, sign * 0.5 * road.lane_width_m, DEFAULT_PREVIEW_M
+            truth_of_runs,
+            run_index,
+            index,
+            road,
+            vehicle,
+            sign * 0.5 * road.lane_width_m,
+            DEFAULT_PREVIEW_POINT_DISTANCE_M,
         )[0]
         for sign in (1.0, -1.0)
     )
@@ -102,7 +108,9 @@ def simulate_lane_sensors_of_run(
         index=index,
         left_body=bodies[0],
         right_body=bodies[1],
-        lanes=lane_samples_from_boundaries(stamp_ns, bodies[0], bodies[1], covariance, DEFAULT_PREVIEW_M),
+        lanes=lane_samples_from_boundaries(
+            stamp_ns, bodies[0], bodies[1], covariance, DEFAULT_PREVIEW_POINT_DISTANCE_M
+        ),
         speed=_sample_with_noise(
             truth_of_runs,
             truth_of_runs.speed_mps[:, run_index],
@@ -155,7 +163,7 @@ def true_lane_at_preview(
     index: npt.NDArray[np.intp],
     road: Road,
     vehicle: Vehicle,
-    preview_m: float = DEFAULT_PREVIEW_M,
+    preview_m: float = DEFAULT_PREVIEW_POINT_DISTANCE_M,
 ) -> FloatArray:
     """Exact y_L, e_L and K_L of the lane's centre line, shape (n, 3)."""
     _, y, slope, station = _sample_line_from_camera(truth, run, index, road, vehicle, 0.0, preview_m)

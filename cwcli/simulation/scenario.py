@@ -24,8 +24,8 @@ from cwcli.simulation.road.names import ROAD_SCENARIOS
 from cwcli.simulation.spec import (
     DETECTOR_KEYS,
     ORIGIN_KEYS,
+    SCENARIO_TOP_LEVEL_KEYS,
     SENSOR_KEYS,
-    TOP_KEYS,
     V2X_KEYS,
     VEHICLE_KEYS,
     check_scenario_table,
@@ -187,7 +187,11 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
     """
     source = f"{name}.toml"
     top = check_scenario_table(
-        document, TOP_KEYS, path="", source=source, others=("start_time", "origin", "vehicles", "sensors", "v2x")
+        document,
+        SCENARIO_TOP_LEVEL_KEYS,
+        path="",
+        source=source,
+        others=("start_time", "origin", "vehicles", "sensors", "v2x"),
     )
     sensor_tables = document.get("sensors", {})
     if not isinstance(sensor_tables, Mapping):

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from cwcli.dynamics.matrix_exponential import transition_and_input_matrices
-from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples, ScalarSamples
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_POINT_DISTANCE_M, LaneSamples, ScalarSamples
 from cwcli.dynamics.single_track import preview_state_matrices, steady_lateral_speed_and_yaw_rate
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.lazy_dataclass import dataclass
@@ -110,7 +110,7 @@ def simulate_zhang2011_run(
         if middle != speed:
             speed = middle
             phi, gamma = transition_and_input_matrices(
-                *preview_state_matrices(car, float(speed), DEFAULT_PREVIEW_M), run.step_s
+                *preview_state_matrices(car, float(speed), DEFAULT_PREVIEW_POINT_DISTANCE_M), run.step_s
             )
         x = phi @ x + gamma @ inputs
         if (i + 1) % per_frame == 0:

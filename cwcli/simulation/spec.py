@@ -9,11 +9,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from cwcli.dynamics.friction import PEAK_FRICTION
+from cwcli.dynamics.friction import PEAK_FRICTION_COEFFICIENT
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 
-REQUIRED = object()
+REQUIRED_KEY_DEFAULT = object()
 """Default that marks a key as required."""
 
 
@@ -130,12 +130,16 @@ class IntervalsKey:
 Key = NumberKey | IntegerKey | TextKey | FlagKey | IntervalsKey
 Keys = Mapping[str, Key]
 
-TOP_KEYS: Keys = {
+SCENARIO_TOP_LEVEL_KEYS: Keys = {
     "description": TextKey("", "What happens, in a sentence."),
-    "duration_s": NumberKey(REQUIRED, 0.1, 3600, "s", "Length of the run."),
+    "duration_s": NumberKey(REQUIRED_KEY_DEFAULT, 0.1, 3600, "s", "Length of the run."),
     "seed": IntegerKey(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` overrides it."),
     "friction": NumberKey(
-        PEAK_FRICTION, 0.05, 1.5, "", "Road friction: no vehicle may need more than friction * 9.80665 m/s^2."
+        PEAK_FRICTION_COEFFICIENT,
+        0.05,
+        1.5,
+        "",
+        "Road friction: no vehicle may need more than friction * 9.80665 m/s^2.",
     ),
     "truth_rate_hz": NumberKey(20, 1, 1000, "Hz", "Rate of the truth channels."),
 }
@@ -152,7 +156,7 @@ VEHICLE_KEYS: Keys = {
     "x_m": NumberKey(0, -1e5, 1e5, "m", "Start position east of the origin (centre of the car)."),
     "y_m": NumberKey(0, -1e5, 1e5, "m", "Start position north of the origin."),
     "heading_deg": NumberKey(0, -360, 360, "deg", "Start heading, counter-clockwise from east."),
-    "speed_mps": NumberKey(REQUIRED, 0, 70, "m/s", "Start speed."),
+    "speed_mps": NumberKey(REQUIRED_KEY_DEFAULT, 0, 70, "m/s", "Start speed."),
     "length_m": NumberKey(4.5, 0.5, 30, "m", "Length."),
     "width_m": NumberKey(1.8, 0.3, 5, "m", "Width."),
     "turning_radius_m": NumberKey(5, 1, 50, "m", "Tightest radius that the vehicle can drive."),
@@ -166,7 +170,7 @@ VEHICLE_KEYS: Keys = {
 }
 """Keys of a vehicle, which also holds the lists `longitudinal` and `lateral`."""
 
-_FROM_KEY = NumberKey(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
+_FROM_KEY = NumberKey(REQUIRED_KEY_DEFAULT, 0, 3600, "s", "Start of the segment; the first is 0.")
 """The key `from_s` of segments."""
 _SMOOTH_KEY = FlagKey(
     False, "Whether the rate itself rises and falls (a cubic ramp): 1.5 times as long at the same largest rate."
@@ -340,7 +344,7 @@ def check_scenario_table(
     for name, key in keys.items():
         if name in table:
             values[name] = key.check_value(table[name], key=f"{prefix}{name}", source=source)
-        elif key.default is REQUIRED:
+        elif key.default is REQUIRED_KEY_DEFAULT:
             raise scenario_value_error(source, f"{prefix}{name}", "is missing", key.permitted_text())
         elif key.default is None or isinstance(key.default, tuple):
             values[name] = key.default

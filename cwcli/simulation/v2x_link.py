@@ -13,7 +13,11 @@ from typing import Any
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.bsm_sender import FILTER_STEP_S, apply_senders_acceleration_low_pass, freeze_heading_at_standstill
+from cwcli.signals.bsm_sender import (
+    ACCEL_FILTER_STEP_S,
+    apply_senders_acceleration_low_pass,
+    freeze_heading_at_standstill,
+)
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED
 from cwcli.simulation.streams import RunSpan, draw_message_schedule, random_stream
@@ -110,5 +114,5 @@ def _sender_filtered_accel_mps2(motion: Motion, at_s: FloatArray) -> FloatArray:
     """The acceleration after the sender's low-pass filter at times (n,), m/s^2; it filters from the run's start."""
     if not len(at_s):
         return np.zeros(0)
-    time_s = np.arange(min(0.0, float(at_s.min())), float(at_s.max()) + FILTER_STEP_S, FILTER_STEP_S)
+    time_s = np.arange(min(0.0, float(at_s.min())), float(at_s.max()) + ACCEL_FILTER_STEP_S, ACCEL_FILTER_STEP_S)
     return np.asarray(np.interp(at_s, time_s, apply_senders_acceleration_low_pass(motion.states_at(time_s)[:, ACCEL])))

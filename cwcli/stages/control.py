@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.channels.control_step import ReplayedSteps, make_replay_channels
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.control.encounter import POLICIES, RecordedTrack, ReplaySpan, replay_warning
+from cwcli.control.encounter import BRAKING_POLICY_NAMES, RecordedTrack, ReplaySpan, replay_warning
 from cwcli.control.replayed import PublishedReplay, control_series_table, control_table, control_table_row
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
@@ -253,7 +253,7 @@ def _steps_not_published_before(replayed: Sequence[PublishedReplay]) -> list[Rep
         rows = one.published_step_indices
         rows = rows[one.step_stamps_ns[rows] > last_ns]
         last_ns = int(one.step_stamps_ns[rows[-1]])
-        policies = range(len(POLICIES))
+        policies = range(len(BRAKING_POLICY_NAMES))
         steps.append(
             ReplayedSteps(
                 one.event_id,
@@ -274,7 +274,7 @@ def _summary_tables(
     outcomes: list[tuple[Cell, ...]] = []
     for one in replayed:
         encounter = one.encounter
-        for policy, name in enumerate(POLICIES):
+        for policy, name in enumerate(BRAKING_POLICY_NAMES):
             record = control_table_row(one, policy, predictor, rule)
             if policy == 0:
                 at_s = (one.warning_ns - start_ns) / NS_PER_S

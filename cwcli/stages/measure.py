@@ -18,7 +18,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.measures.base import Measure
 from cwcli.measures.evaluate import WHOLE_TIME_ENCOUNTER, ExtremeValue, MeasuredPair, measure_pair
-from cwcli.measures.pair import MAX_OUTLINE_RANGE_M
+from cwcli.measures.pair import MAX_CENTRE_DISTANCE_OF_COMPARED_OUTLINES_M
 from cwcli.measures.tables import measure_extremes_table, measure_series_table
 from cwcli.option import Option
 from cwcli.pipeline.result import Cell, StageResult, StageSummary, SummaryTable
@@ -32,7 +32,7 @@ from cwcli.stages.inputs.tracks import (
     read_ego_and_other_tracks,
 )
 from cwcli.text import split_distinct_names
-from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
+from cwcli.warning.types import DEFAULT_VEHICLE_LENGTH_M, DEFAULT_VEHICLE_WIDTH_M
 
 EXAMPLES = (
     "cwcli measure estimated.mcap -o measured.mcap --metrics measures.parquet",
@@ -158,10 +158,13 @@ def _measure_pairs_and_note(tracks: TracksOfLog, chosen: Mapping[str, Measure]) 
         pairs.append(measure_pair(other_id, pair, chosen))
     notes = []
     if n_assumed:
-        size = f"{DEFAULT_LENGTH_M:g} x {DEFAULT_WIDTH_M:g} m"
+        size = f"{DEFAULT_VEHICLE_LENGTH_M:g} x {DEFAULT_VEHICLE_WIDTH_M:g} m"
         notes.append(f"vehicles without a size, for which {size} is assumed: {n_assumed}")
     if n_far:
-        notes.append(f"vehicles that never came within {MAX_OUTLINE_RANGE_M:g} m, and are not measured: {n_far}")
+        notes.append(
+            f"vehicles that never came within {MAX_CENTRE_DISTANCE_OF_COMPARED_OUTLINES_M:g} m, "
+            f"and are not measured: {n_far}"
+        )
     return pairs, notes
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.channels.lanes import FIELDS_FOR_OBSERVER
-from cwcli.channels.lateral_state import TRUTH_FIELDS, ObservedDrive, make_observer_channel
+from cwcli.channels.lateral_state import LATERAL_TRUTH_FIELDS, ObservedDrive, make_observer_channel
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import DEFAULT_OBSERVER_METHOD
@@ -34,7 +34,10 @@ from cwcli.stages.inputs.observer import ObserverInputs, choose_observer_inputs,
 from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.stages.summaries import largest_finite_magnitude, median_of_finite
 
-READ_FIELDS: dict[str, tuple[str, ...]] = {LANES.role: FIELDS_FOR_OBSERVER, Role.LATERAL_TRUTH: TRUTH_FIELDS}
+READ_FIELDS_BY_ROLE: dict[str, tuple[str, ...]] = {
+    LANES.role: FIELDS_FOR_OBSERVER,
+    Role.LATERAL_TRUTH: LATERAL_TRUTH_FIELDS,
+}
 """Role -> the leaf fields that are read of its channel."""
 EXAMPLES = (
     "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml",
@@ -135,7 +138,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         command="observe",
         optional=SENSOR_ROLES,
         also=own,
-        fields=READ_FIELDS,
+        fields=READ_FIELDS_BY_ROLE,
     )
     with_shape = config.observer.method == DEFAULT_OBSERVER_METHOD
     lanes = lane_samples_at_preview(sources.columns[LANES.role], where=log.name, with_shape=with_shape)

@@ -25,7 +25,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.summaries.warn import WARNING_NUMBER_HEADING, RuleOutcome, build_warnings_result
 from cwcli.vision.method import LaneState
 from cwcli.warning.lane_departure import (
-    RULE,
+    LANE_DEPARTURE_RULE_NAME,
     FrontAxle,
     LaneBoundaries,
     LaneDepartureConfig,
@@ -97,7 +97,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
         InputMessageCount(lanes_topic, LANES.role, len(lanes), len(mine), set_aside=set_aside),
     )
     tables = (result.events, result.series)
-    outcome = RuleOutcome(RULE, result.rows, tables, _departures_tables(result, log.start_ns))
+    outcome = RuleOutcome(LANE_DEPARTURE_RULE_NAME, result.rows, tables, _departures_tables(result, log.start_ns))
     return build_warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))[0]
 
 

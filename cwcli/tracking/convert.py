@@ -8,7 +8,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.tracking.tracker import TrackResult
 
-MIN_HEADING_SPEED_MPS = 0.5
+MIN_SPEED_OF_TARGET_HEADING_MPS = 0.5
 """Speed in m/s below which a target keeps its last heading: its direction of motion is mostly noise. Chosen by hand;
 not fitted."""
 _UNKNOWN_HEADING_VARIANCE_RAD2 = np.pi**2 / 3.0
@@ -92,7 +92,7 @@ def vehicle_states_and_covariances_of_target(
     state: FloatArray,
     covariance: FloatArray,
     *,
-    min_speed_mps: float = MIN_HEADING_SPEED_MPS,
+    min_speed_mps: float = MIN_SPEED_OF_TARGET_HEADING_MPS,
     looks_ahead: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
     """Convert one target's rows to vehicle states, as prediction and warning use them for V2X vehicles.

@@ -22,7 +22,7 @@ from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE, X, Y
 
 Axes = Literal["body", "paper"]
 """Axes that a sensor reports in; see the module's text."""
-AXES_YAW_RAD: dict[str, float] = {"body": 0.0, "paper": -math.pi / 2}
+YAW_RAD_BY_SENSOR_AXES: dict[str, float] = {"body": 0.0, "paper": -math.pi / 2}
 """Direction of the sensor's x axis relative to its forward direction, by axes."""
 
 
@@ -33,7 +33,7 @@ class DetectionKind(IntEnum):
     RADAR = RowKind.RADAR  # range in m, azimuth in rad, range rate in m/s, NaN where not measured (xiang2019 eq. 2-4)
 
 
-DEFAULT_SIGMAS: dict[DetectionKind, tuple[float, ...]] = {
+DEFAULT_SIGMAS_BY_KIND: dict[DetectionKind, tuple[float, ...]] = {
     DetectionKind.POSITION: (0.15, 0.15),
     DetectionKind.RADAR: (0.3, 0.03, 0.3),
 }
@@ -82,7 +82,7 @@ class SensorModel:
         x_m, y_m, yaw_rad: Mounting in the body frame (or the map): position and the direction of the sensor's axes.
         axes: The axes that the sensor reports in; see the module.
         carrier: `body` moves with the car; `map` stands still (its detections are in map coordinates).
-        sigma: 1-sigma noise of each value where the message gives none. () takes `DEFAULT_SIGMAS`.
+        sigma: 1-sigma noise of each value where the message gives none. () takes `DEFAULT_SIGMAS_BY_KIND`.
         frame_ids: Frame ids that are accepted. () accepts all.
         use_range_rate: False leaves the radar's range rate out.
         max_range_m: Detections beyond are rejected; a target beyond is not expected to be seen.

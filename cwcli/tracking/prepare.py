@@ -13,8 +13,8 @@ from cwcli.kernels.track import RowKind
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.detections import (
-    AXES_YAW_RAD,
-    DEFAULT_SIGMAS,
+    DEFAULT_SIGMAS_BY_KIND,
+    YAW_RAD_BY_SENSOR_AXES,
     DetectionCounts,
     DetectionKind,
     Detections,
@@ -176,7 +176,7 @@ def sensor_pose_and_velocity(
 ) -> tuple[FloatArray, FloatArray, Mask]:
     """Pose (n, 3) and velocity (n, 2) of the sensor in the tracking frame, and where they are known."""
     n = len(stamp_ns)
-    yaw = model.yaw_rad + AXES_YAW_RAD[model.axes]
+    yaw = model.yaw_rad + YAW_RAD_BY_SENSOR_AXES[model.axes]
     if ego is None or model.carrier == "map":
         return np.tile([model.x_m, model.y_m, yaw], (n, 1)), np.zeros((n, 2)), np.ones(n, bool)
     car, known = interpolate_ego_states_and_known_mask(ego, stamp_ns)
@@ -191,7 +191,7 @@ def sensor_pose_and_velocity(
 def _measurement_covariances(data: Detections, model: SensorModel, counts: DetectionCounts) -> FloatArray:
     """Covariance of every row, (n, k, k): the message's if it is valid, else the sensor model's."""
     n, width = data.values.shape
-    sigma = model.sigma or DEFAULT_SIGMAS[data.kind]
+    sigma = model.sigma or DEFAULT_SIGMAS_BY_KIND[data.kind]
     if len(sigma) < width:
         raise ValueError(f"{data.source}: {len(sigma)} sigmas for {width} values")
     out = np.tile(np.diag(np.square(sigma[:width])), (n, 1, 1))

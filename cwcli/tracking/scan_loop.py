@@ -20,7 +20,7 @@ from cwcli.tracking.detections import SensorModel
 from cwcli.tracking.prepare import PreparedDetections
 
 Mask = npt.NDArray[np.bool_]
-_MAX_LOG_ODDS = 30.0
+_MAX_EXISTENCE_LOG_ODDS = 30.0
 """Largest log odds of a track's existence, so that a lost track can still end. Chosen by hand."""
 
 
@@ -144,7 +144,7 @@ class ScanLoop:
         missed[track] = False
         odds[missed] += miss[missed]
         odds[track] += gain[track, row]
-        np.minimum(odds, _MAX_LOG_ODDS, out=odds)
+        np.minimum(odds, _MAX_EXISTENCE_LOG_ODDS, out=odds)
         living.misses[:n][missed & is_in_view] += 1
         living.misses[track] = 0
         living.last_hit_ns[track] = stamp

@@ -36,7 +36,7 @@ from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, UNSUPPORTED_CODECS, decode
 if TYPE_CHECKING:
     from cwcli.vision.camera import WidthHeightPx
 
-MIN_SIDE_PX = 32
+MIN_IMAGE_SIDE_PX = 32
 """Least width and height of an image in pixels; smaller ones are rejected. Chosen by hand; not fitted."""
 MAX_IMAGE_PIXELS = 50_000_000
 """Greatest number of pixels of an image; larger ones are rejected so that a damaged log can't exhaust the memory.
@@ -418,8 +418,8 @@ def _size_rejection_reason_or_empty(width_px: int, height_px: int, max_pixels: i
     """The reason why an image of this size is rejected; empty where it is not."""
     if width_px * height_px > max_pixels:
         return f"more than {max_pixels // 1_000_000} megapixels"
-    if width_px < MIN_SIDE_PX or height_px < MIN_SIDE_PX:
-        return f"smaller than {MIN_SIDE_PX} x {MIN_SIDE_PX} pixels"
+    if width_px < MIN_IMAGE_SIDE_PX or height_px < MIN_IMAGE_SIDE_PX:
+        return f"smaller than {MIN_IMAGE_SIDE_PX} x {MIN_IMAGE_SIDE_PX} pixels"
     if max(width_px, height_px) > MAX_ASPECT_RATIO * min(width_px, height_px):
         return f"one side more than {MAX_ASPECT_RATIO} times as long as the other"
     return ""

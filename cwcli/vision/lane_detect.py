@@ -54,7 +54,7 @@ cm: narrower than any marking, as wide as a small raised dot. Chosen in sight of
 NOISE_FLOOR_GREY, NOISE_BRIGHTNESS_SHARE, NOISE_ROUGHNESS_FACTOR = 3.0, 0.085, 2.0
 """Noise of a contrast: a constant in grey levels, plus this share of the brighter side, plus this many times the row's
 mean depth of dark stripes. Chosen in sight of 40 labelled and of rendered frames (docs/lanes.md)."""
-ASYMMETRY_PENALTY = 0.3
+BRIGHTNESS_ASYMMETRY_WEIGHT = 0.3
 """Share of the brightness difference between both sides that is taken off a stripe's contrast. Chosen by hand; not
 fitted."""
 JOINT_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS = (0.025, 0.03, 0.06)
@@ -184,7 +184,7 @@ def _stripe_settings(stretch: float, *, is_joint: bool = False) -> lane_stripes.
         "floor_grey": NOISE_FLOOR_GREY,
         "relative": NOISE_BRIGHTNESS_SHARE,
         "rough": NOISE_ROUGHNESS_FACTOR,
-        "lopsided": ASYMMETRY_PENALTY,
+        "lopsided": BRIGHTNESS_ASYMMETRY_WEIGHT,
         "dead": EVIDENCE_DEAD_ZONE,
         "crowded": MAX_UNCROWDED_JOINT_SHARE_OF_ROW if is_joint else MAX_UNCROWDED_STRIPE_SHARE_OF_ROW,
     }

@@ -15,12 +15,12 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera
 from cwcli.vision.lane_model import (
     BEND,
+    CAMERA_PITCH_SIGMA_RAD,
     HIGH,
     HORIZON,
     LOW,
     MEAN,
     MIDDLE,
-    PITCH_SIGMA_RAD,
     SIGMA,
     SPIRAL,
     VANISHING,
@@ -60,7 +60,7 @@ MAX_WIDENING_SPEED_MPS = 0.6
 """Greatest rate at which a lane's width changes, in m/s: a taper of 1 : 40 at 25 m/s."""
 MOVEMENT_MARGIN_M = 0.02
 """Distance that a boundary may move in addition, in metres: the grain of the paint. Chosen by hand; not fitted."""
-MIN_TIME_STEP_S = 0.02
+MIN_ASSUMED_FRAME_INTERVAL_S = 0.02
 """Least time step that the limits of a boundary's movement assume, in seconds. Chosen by hand; not fitted."""
 COMPARED_ROWS_FROM_HORIZON_TO_BOTTOM = (0.25, 0.6)
 """Rows in which two lanes are compared, as shares of the way from the horizon to the image's bottom. Chosen by hand;
@@ -158,7 +158,7 @@ def pitch_candidates(lane: ImageLane, prior: LanePrior, table: LanePriorTable, d
     candidates = np.empty((len(PITCH_CANDIDATES_SIGMAS), len(lane)))
     candidates[:] = lane
     moved = lane[HORIZON] + PITCH_CANDIDATES_SIGMAS * (
-        prior.drift_sigmas[HORIZON] * math.sqrt(max(dt_s, MIN_TIME_STEP_S))
+        prior.drift_sigmas[HORIZON] * math.sqrt(max(dt_s, MIN_ASSUMED_FRAME_INTERVAL_S))
     )
     candidates[:, HORIZON] = np.minimum(np.maximum(moved, table[HORIZON, LOW]), table[HORIZON, HIGH])
     return candidates
@@ -205,7 +205,7 @@ def prior_with_driven_curvature(prior: LanePrior, camera: Camera, speed_mps: flo
 def prior_with_seen_horizon(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
     """The prior with the horizon that the frames have shown so far."""
     table = prior.table.copy()
-    sigma = max(camera.fy * PITCH_SIGMA_RAD, 1.0)
+    sigma = max(camera.fy * CAMERA_PITCH_SIGMA_RAD, 1.0)
     table[HORIZON] = horizon_px, sigma, horizon_px - 6.0 * sigma, horizon_px + 6.0 * sigma
     return prior.with_table(table)
 
@@ -275,7 +275,7 @@ def narrow_prior_table(
     Args:
         sideways_mps: Greatest lateral speed at which the prediction of the place may be wrong.
     """
-    dt_s = max(dt_s, MIN_TIME_STEP_S)
+    dt_s = max(dt_s, MIN_ASSUMED_FRAME_INTERVAL_S)
     predicted_at: list[float] = lane.tolist()
     sigma: list[float] = (prior.drift_sigmas * math.sqrt(dt_s)).tolist()
     rows: list[list[float]] = prior.table.tolist()

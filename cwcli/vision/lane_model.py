@@ -59,7 +59,7 @@ LANE_WIDTH_MEAN_AND_SIGMA_M = (3.6, 0.22)
 """Mean and sigma of the lane width in metres: 3.25 m on main roads to 3.75 m on motorways; 3.66 m (12 ft) in the US."""
 LANE_WIDTH_LIMITS_M = (2.6, 4.6)
 """Least and greatest lane width that is searched, in metres. Chosen by hand; not fitted."""
-OFFSET_SIGMA_M = 0.35
+CAR_OFFSET_IN_LANE_SIGMA_M = 0.35
 """Sigma of the car's offset from the lane's middle, in metres. Chosen by hand; not fitted."""
 MAX_FIRST_FRAME_OFFSET_M = 1.6
 """Greatest offset of the car from the lane's middle in a first frame, in metres. Chosen by hand; not fitted."""
@@ -69,7 +69,7 @@ FIRST_FRAME_CURVATURE_SIGMA_1PM = 0.001
 """Sigma of the lane's curvature in a first frame, in 1/m. Chosen by hand; not fitted."""
 MAX_FIRST_FRAME_CURVATURE_1PM = 0.006
 """Greatest curvature in a first frame, in 1/m: a radius of 167 m. Chosen by hand; not fitted."""
-PITCH_SIGMA_RAD = 0.004
+CAMERA_PITCH_SIGMA_RAD = 0.004
 """Sigma of the camera's pitch in radians: the body moves on its springs, and the road's slope changes. Chosen by hand;
 not fitted."""
 LANE_WIDTH_FACTOR_OF_UNKNOWN_HEIGHT = 0.88
@@ -136,7 +136,7 @@ def first_frame_prior(camera: Camera) -> LanePrior:
     table[VANISHING] = u0, camera.fx * yaw_sigma, u0 - 4.0 * camera.fx * yaw_sigma, u0 + 4.0 * camera.fx * yaw_sigma
     middle = stretch * mounting.lateral_offset_m / height_m
     per_m = stretch / height_m
-    spread = OFFSET_SIGMA_M if is_mounted else math.hypot(OFFSET_SIGMA_M, 0.4)
+    spread = CAR_OFFSET_IN_LANE_SIGMA_M if is_mounted else math.hypot(CAR_OFFSET_IN_LANE_SIGMA_M, 0.4)
     table[MIDDLE] = (
         middle,
         spread * per_m,
@@ -159,7 +159,7 @@ def first_frame_prior(camera: Camera) -> LanePrior:
     )
     if is_mounted:
         v0 = float(camera.horizon_row_px())
-        reach = camera.fy * PITCH_SIGMA_RAD
+        reach = camera.fy * CAMERA_PITCH_SIGMA_RAD
         table[HORIZON] = v0, reach, v0 - 5.0 * reach, v0 + 5.0 * reach
     else:
         table[HORIZON] = np.array(UNKNOWN_HORIZON_MEAN_SIGMA_LOW_HIGH_SHARES) * camera.height_px

@@ -59,7 +59,7 @@ DIVERGENCE_SMOOTHING_TIME_CONSTANT_S = 0.3
 BEND_SMOOTHING_TIME_CONSTANT_S = 1.0
 """Time constant in seconds with which the bends of both lines are smoothed. In that time a road's bend changes by
 0.0003 1/m (a clothoid of A = 300 m at 25 m/s), that of a line with a kink by more."""
-WIDTH_MEMORY_S = 3.0
+LANE_WIDTH_SMOOTHING_TIME_S = 3.0
 """Time constant in seconds with which the lane's width is smoothed. Chosen by hand; not fitted."""
 MIN_AGREED_TIME_OF_KNOWN_WIDTH_S = 1.0
 """Time in seconds after which the lane's width counts as known. Chosen by hand; not fitted."""
@@ -123,7 +123,7 @@ class LinePairState:
     def with_updated_width(self, width: float, dt_s: float) -> LinePairState:
         """The state after a frame in which both lines gave a lane of this width."""
         seen_s = self.agreed_s + dt_s
-        share = max(1.0 - math.exp(-dt_s / WIDTH_MEMORY_S), dt_s / max(seen_s, dt_s, 1e-9))
+        share = max(1.0 - math.exp(-dt_s / LANE_WIDTH_SMOOTHING_TIME_S), dt_s / max(seen_s, dt_s, 1e-9))
         return replace(self, width=self.width + share * (width - self.width), agreed_s=seen_s)
 
 

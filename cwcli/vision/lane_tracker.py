@@ -92,7 +92,7 @@ because thresholds and constants were chosen on it. Chosen by hand: it bounds th
 MIN_FOUND_PROBABILITY = 0.5
 """Probability from which a boundary counts as found. Fitted on rendered and labelled frames: one boundary in a hundred
 is then found on rendered roads without paint (docs/decisions.md)."""
-MAX_HYPOTHESES = 3
+MAX_FOLLOWED_LANE_HYPOTHESES = 3
 """Greatest number of lanes that are followed side by side. Chosen by hand; not fitted."""
 RIVAL_SEARCH_INTERVAL_FRAMES, DOUBTFUL_RIVAL_SEARCH_INTERVAL_FRAMES = 10, 3
 """Frames between two searches for rival lanes: as a rule, and while the published lane is hardly seen. Chosen by hand;
@@ -107,9 +107,9 @@ MIN_LOST_FRAMES, MIN_LOST_S = 5, 0.5
 hand; not fitted."""
 MAX_SEARCH_PAUSE_FRAMES = 16
 """Greatest pause between two searches from scratch, in frames; pauses double from 1. Chosen by hand; not fitted."""
-OBJECTIVE_MEMORY_S = 0.45
+OBJECTIVE_SMOOTHING_TIME_S = 0.45
 """Time constant in seconds with which a hypothesis forgets its earlier objectives. Chosen by hand; not fitted."""
-LOG_ODDS_MEMORY_S = 0.3
+LOG_ODDS_SMOOTHING_TIME_S = 0.3
 """Time constant in seconds with which the log-odds of a boundary are smoothed. Chosen by hand; not fitted."""
 MAX_FRAME_LOG_ODDS = 4.0
 """Greatest absolute log-odds that one frame contributes to a boundary's probability. Chosen by hand; not fitted."""
@@ -259,7 +259,7 @@ class LaneTracker:
         prior = prior_of_followed_lane(self._prior, camera, frame.speed_mps)
         is_motion_known = self._prior.is_mounting_known and math.isfinite(frame.speed_mps)
         sideways_mps = MAX_LATERAL_SPEED_MPS if is_motion_known else MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS
-        memory = math.exp(-dt_s / OBJECTIVE_MEMORY_S)
+        memory = math.exp(-dt_s / OBJECTIVE_SMOOTHING_TIME_S)
         hypotheses: list[LaneHypothesis] = []
         tight = (
             prior_of_followed_lane(self._prior, camera, ASSUMED_TIGHT_BEND_SPEED_MPS)
@@ -383,7 +383,7 @@ class LaneTracker:
         lanes, values, self._evidence = search_first_frame(frame.grey, camera, prior, self._evidence_source)
         if not self._prior.is_mounting_known:
             self._prior = prior_with_seen_horizon(self._prior, float(lanes[0, HORIZON]), camera)
-        lanes, values = lanes[:MAX_HYPOTHESES], values[:MAX_HYPOTHESES]
+        lanes, values = lanes[:MAX_FOLLOWED_LANE_HYPOTHESES], values[:MAX_FOLLOWED_LANE_HYPOTHESES]
         return self._start_hypotheses(lanes, values, prior_of_followed_lane(self._prior, camera, frame.speed_mps))
 
     def _recheck_horizon(self, frame: LaneFrame, camera: Camera, opened_prior: LanePrior) -> list[LaneHypothesis]:
@@ -452,7 +452,10 @@ class LaneTracker:
                 chances = share_probability_with_rivals(
                     chances, best, rivals if best is first else others, camera.height_px
                 )
-            self._hypotheses = [replace(best, better_s=0.0) if best.better_s else best, *others[: MAX_HYPOTHESES - 1]]
+            self._hypotheses = [
+                replace(best, better_s=0.0) if best.better_s else best,
+                *others[: MAX_FOLLOWED_LANE_HYPOTHESES - 1],
+            ]
         return best, chances, change
 
     def _publish_best_hypothesis(self, frame: LaneFrame, camera: Camera, dt_s: float) -> LaneFit:
@@ -466,7 +469,7 @@ class LaneTracker:
         now = lower_probabilities_if_vanishing_votes_scatter(now, self._scene_votes)
         odds = [min(max(math.log(chance / (1.0 - chance)), -MAX_FRAME_LOG_ODDS), MAX_FRAME_LOG_ODDS) for chance in now]
         if self._odds is not None:
-            kept_share = math.exp(-dt_s / LOG_ODDS_MEMORY_S)
+            kept_share = math.exp(-dt_s / LOG_ODDS_SMOOTHING_TIME_S)
             odds = [
                 kept_share * before + (1.0 - kept_share) * own for before, own in zip(self._odds, odds, strict=True)
             ]

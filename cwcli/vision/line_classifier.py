@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 MIN_TIME_BETWEEN_VOTING_FRAMES_S = 0.45
 """Least time in seconds between two frames that vote. Chosen by hand: it bounds the time of a frame."""
-KIND_VOTE_MEMORY_S = 1.5
+KIND_VOTE_DECAY_TIME_S = 1.5
 """Time constant in seconds with which votes for a kind fade. Chosen by hand; not fitted."""
-COLOUR_VOTE_MEMORY_S = 4.0
+COLOUR_VOTE_DECAY_TIME_S = 4.0
 """Time constant in seconds with which votes for a colour fade: frames in colour come once a second. Chosen by hand; not
 fitted."""
 MIN_VOTE_SUM = 0.3
@@ -48,10 +48,10 @@ class _LineVotes:
 
     def fade_votes(self, dt_s: float) -> None:
         """Let the votes so far fade for a time step."""
-        kept_share = math.exp(-dt_s / KIND_VOTE_MEMORY_S)
+        kept_share = math.exp(-dt_s / KIND_VOTE_DECAY_TIME_S)
         self.kinds = {kind: kept_share * votes for kind, votes in self.kinds.items()}
         self.doubles = {is_double: kept_share * votes for is_double, votes in self.doubles.items()}
-        kept_share = math.exp(-dt_s / COLOUR_VOTE_MEMORY_S)
+        kept_share = math.exp(-dt_s / COLOUR_VOTE_DECAY_TIME_S)
         self.colours = {colour: kept_share * votes for colour, votes in self.colours.items()}
 
     def add_frame_votes(self, seen: LineKindInFrame, colour: LineColour) -> None:

@@ -10,7 +10,7 @@ from cwcli.vision.encoded import Image
 from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.lane_model import HORIZON, WIDTH, ImageLane, boundary_columns_in_rows_px
 
-MIN_COLOUR_DEPTH_PX = 22.0
+MIN_COLOUR_ROWS_BELOW_HORIZON_PX = 22.0
 """Least number of rows below the horizon at which colours are read: there a stripe of 12 cm, 1.3 m below the camera, is
 two pixels wide."""
 ROAD_SAMPLE_DISTANCE_IN_CAMERA_HEIGHTS = 0.4
@@ -36,7 +36,11 @@ def classify_line_colours(picture: Image, evidence: StripeEvidence, lane: ImageL
         picture: Shape (height, width, 3): blue, green, red, of the size of the frame that was searched.
     """
     pinhole = evidence.pinhole
-    first = int(np.searchsorted(evidence.rows, float(lane[HORIZON]) + MIN_COLOUR_DEPTH_PX / pinhole.focal_length_ratio))
+    first = int(
+        np.searchsorted(
+            evidence.rows, float(lane[HORIZON]) + MIN_COLOUR_ROWS_BELOW_HORIZON_PX / pinhole.focal_length_ratio
+        )
+    )
     rows, sharp = evidence.rows[first:], evidence.sharp[first:]
     inner = np.array(lane)
     inner[WIDTH] -= 2.0 * ROAD_SAMPLE_DISTANCE_IN_CAMERA_HEIGHTS * pinhole.focal_length_ratio

@@ -55,7 +55,7 @@ ACTIVATION_NAMES = ("softmax", "sigmoid", "none")
 it gives them already."""
 ROW_ANCHOR_AXES = ("cell", "row", "lane")
 """The axes of a row-anchor output."""
-FUNCTION = "cwcli.vision.onnx_model:load_and_run_net_on_black_image"
+MODEL_CHECK_FUNCTION = "cwcli.vision.onnx_model:load_and_run_net_on_black_image"
 """The function that the bounded process runs before the net is used."""
 MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 700_000_000, 8
 """Memory of that process, and more for each byte of the net. Chosen by hand: OpenCV reserves 240 MB that it does not
@@ -147,7 +147,7 @@ class LaneNet:
             has_threads=True,
         )
         run_bounded(
-            FUNCTION,
+            MODEL_CHECK_FUNCTION,
             {"path": str(path), "shape": described_shape, "output": self.description.output},
             limits,
             str(path),

@@ -24,7 +24,7 @@ LEFT_BOUNDARY_RGB = (0.1, 0.9, 0.2)
 """Colour of the left boundary: red, green, blue, 0 to 1. Chosen by hand."""
 RIGHT_BOUNDARY_RGB = (1.0, 0.55, 0.0)
 """Colour of the right boundary: red, green, blue, 0 to 1. Chosen by hand."""
-JPEG_QUALITY = 85
+OVERLAY_JPEG_QUALITY_PERCENT = 85
 """Quality of written JPEG images, 0 to 100. Chosen by hand."""
 LABEL_POINT_INDEX = 4
 """Index, from the bottom, of the point of a line beside which its label stands. Chosen by hand."""
@@ -122,7 +122,7 @@ def encode_jpeg(image: Image) -> Image:
     """The image as a JPEG file, shape (bytes,), uint8."""
     import cv2
 
-    is_encoded, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    is_encoded, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, OVERLAY_JPEG_QUALITY_PERCENT])
     if not is_encoded:
         raise RuntimeError("OpenCV could not encode a JPEG")
     return np.asarray(data, np.uint8).reshape(-1)

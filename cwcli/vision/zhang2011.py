@@ -27,9 +27,9 @@ from cwcli.vision.objective import (
 if TYPE_CHECKING:
     from cwcli.vision.camera import WidthHeightPx
 
-CROSSOVER_RATE = 0.45
+CROSSOVER_PROBABILITY = 0.45
 """Probability with which two chromosomes are crossed (zhang2011)."""
-MUTATION_RATE = 0.05
+MUTATION_PROBABILITY = 0.05
 """Probability with which a chromosome is mutated (zhang2011)."""
 ROULETTE_SHIFT_GREY = 50.0
 """Grey levels that are added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't.
@@ -81,8 +81,8 @@ def genetic_settings(phase: SearchPhase) -> lane_search.Genetic:
         "bits": phase.bits,
         "decimals": (a, b, c),
         "generations": phase.generations,
-        "crossover_rate": CROSSOVER_RATE,
-        "mutation_rate": MUTATION_RATE,
+        "crossover_rate": CROSSOVER_PROBABILITY,
+        "mutation_rate": MUTATION_PROBABILITY,
         "wheel_shift": ROULETTE_SHIFT_GREY,
         "with_centre": phase.region_half_widths is not None,
         "min_blocks": MIN_SHOWN_BLOCKS,

@@ -33,7 +33,7 @@ MIN_OUTLINE_GAP_OF_SEPARATE_LANES_M = 1.0
 Chosen by hand; not fitted."""
 MAX_LATERAL_SPEED_IN_LANE_MPS = 1.0
 """Greatest speed towards the other's line in a lane, m/s: a change of lanes (3.5 m in 4 to 6 s) has 0.9 on average."""
-STANDSTILL_SPEED_MPS = 0.5
+MAX_STANDSTILL_SPEED_MPS = 0.5
 """Speed in m/s up to which a host stands that does not drive off. Chosen by hand; not fitted."""
 MAX_STANDING_ACCEL_MPS2 = 0.5
 """Acceleration in m/s^2 above which a host that stands drives off: cars start with 1 m/s^2 and more. Chosen by hand."""
@@ -64,7 +64,7 @@ def kind_of_each_warning(states: PairStates) -> npt.NDArray[np.int8]:
     angle_rad = wrap_angle(other[:, HEADING] - host[:, HEADING])
     kinds = np.full(len(host), WarningKind.COLLISION, np.int8)
     kinds[_drives_parallel_at_distance_mask(host, other, left_m, angle_rad, states.sizes)] = WarningKind.BESIDE_LANE
-    is_standing = (np.abs(host[:, SPEED]) < STANDSTILL_SPEED_MPS) & (host[:, ACCEL] < MAX_STANDING_ACCEL_MPS2)
+    is_standing = (np.abs(host[:, SPEED]) < MAX_STANDSTILL_SPEED_MPS) & (host[:, ACCEL] < MAX_STANDING_ACCEL_MPS2)
     kinds[is_standing] = WarningKind.HOST_STANDS
     kinds[_follower_mask(host, ahead_m, left_m, angle_rad, states.sizes)] = WarningKind.FROM_BEHIND
     return kinds

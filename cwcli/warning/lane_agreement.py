@@ -24,7 +24,7 @@ MAX_BOUNDARY_STEP_M, MAX_BOUNDARY_SPEED_MPS = 0.1, 1.5
 Chosen by hand; not fitted."""
 MAX_GAP_BETWEEN_COMPARED_FRAMES_S = 0.5
 """Longest time in s between two frames that are compared. Chosen by hand; not fitted."""
-APPROACH_WINDOW_S = 0.5
+APPROACH_RATE_WINDOW_S = 0.5
 """The approach of a boundary is measured over this time, s. Chosen: 1 cm of noise at 10 frames a second is 0.02 m/s."""
 MIN_APPROACH_FRAMES, MIN_TIME_SPREAD_S2, APPROACH_BOUND_SIGMAS = 3, 1e-6, 2.0
 """An approach needs 3 frames and this spread of their times (s^2); its bound is 2 sigmas off. Chosen by hand."""
@@ -82,7 +82,7 @@ def approach_speed_bound_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: 
     Args:
         stamp_ns: Shape (n,), increasing.
         gap_m: Shape (n,): of a tyre beside its boundary, as measured; NaN where it is not known.
-        agreed_s: Shape (n,): for how long the boundary has agreed; of that the last `APPROACH_WINDOW_S` count.
+        agreed_s: Shape (n,): for how long the boundary has agreed; of that the last `APPROACH_RATE_WINDOW_S` count.
 
     Returns:
         Shape (n,); infinite with two frames or fewer.
@@ -90,7 +90,7 @@ def approach_speed_bound_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: 
     n = len(stamp_ns)
     row_numbers = np.arange(n)
     first = np.searchsorted(
-        stamp_ns, stamp_ns - (np.clip(agreed_s, 0.0, APPROACH_WINDOW_S) * NS_PER_S + 1.0).astype(np.int64)
+        stamp_ns, stamp_ns - (np.clip(agreed_s, 0.0, APPROACH_RATE_WINDOW_S) * NS_PER_S + 1.0).astype(np.int64)
     )
     sums = np.zeros((6, n))
     for back in range(int(np.max(row_numbers - first, initial=-1)) + 1):

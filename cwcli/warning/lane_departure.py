@@ -39,20 +39,20 @@ from cwcli.warning.lane_agreement import agreement_duration_of_left_and_right_s,
 from cwcli.warning.lane_gap import boundary_y_and_direction_at_distances, first_crossing_time_s, last_known_gap_m
 from cwcli.warning.output import NOT_CLEARED_NS
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows
-from cwcli.warning.types import DEFAULT_WIDTH_M, LeftAndRight, PathArrays
+from cwcli.warning.types import DEFAULT_VEHICLE_WIDTH_M, LeftAndRight, PathArrays
 
-RULE = "lane-departure"
+LANE_DEPARTURE_RULE_NAME = "lane-departure"
 """Name of the rule in warnings and tables."""
 SIDES = ("left", "right")
 """Names of the sides, in the order of the evaluation."""
 
-EARLIEST_LINE_SLOW_M = 0.75
+EARLIEST_WARNING_LINE_AT_SLOW_DEPARTURE_M = 0.75
 """Earliest warning line, m inside the boundary, at rates of departure up to 0.5 m/s (ISO 17361)."""
 EARLIEST_LINE_TIME_PER_DEPARTURE_RATE_S = 1.5
 """Time that the rate of departure is multiplied with for the earliest warning line, up to 1.0 m/s (ISO 17361)."""
-EARLIEST_LINE_FAST_M = 1.5
+EARLIEST_WARNING_LINE_AT_FAST_DEPARTURE_M = 1.5
 """Earliest warning line, m inside the boundary, at higher rates of departure (ISO 17361)."""
-LATEST_LINE_CAR_M = -0.3
+LATEST_WARNING_LINE_OF_CARS_M = -0.3
 """Latest warning line of passenger cars, m inside the boundary; negative: outside of it (ISO 17361)."""
 CLASS_II_MIN_SPEED_MPS = 17.0
 """Speed from which a system of class II must work (ISO 17361)."""
@@ -64,8 +64,8 @@ def earliest_warning_line_m(rate_mps: FloatArray) -> FloatArray:
     """Distance inside the boundary before which no warning may come, at a rate of departure (ISO 17361)."""
     return np.clip(
         EARLIEST_LINE_TIME_PER_DEPARTURE_RATE_S * np.asarray(rate_mps, dtype=np.float64),
-        EARLIEST_LINE_SLOW_M,
-        EARLIEST_LINE_FAST_M,
+        EARLIEST_WARNING_LINE_AT_SLOW_DEPARTURE_M,
+        EARLIEST_WARNING_LINE_AT_FAST_DEPARTURE_M,
     )
 
 
@@ -114,11 +114,14 @@ class LaneDepartureConfig:
         """
         for name, value in vars(self).items():
             if value is not None and not (math.isfinite(value) and value >= 0.0):
-                raise UsageError(f"{name} is {value!r}; permitted: a number from 0", where=RULE)
+                raise UsageError(f"{name} is {value!r}; permitted: a number from 0", where=LANE_DEPARTURE_RULE_NAME)
         if self.effective_release_s < self.warn_s:
-            raise UsageError(f"release_s ({self.effective_release_s:g}) is below warn_s ({self.warn_s:g})", where=RULE)
+            raise UsageError(
+                f"release_s ({self.effective_release_s:g}) is below warn_s ({self.warn_s:g})",
+                where=LANE_DEPARTURE_RULE_NAME,
+            )
         if self.min_width_m >= self.max_width_m:
-            raise UsageError("min_width_m is not below max_width_m", where=RULE)
+            raise UsageError("min_width_m is not below max_width_m", where=LANE_DEPARTURE_RULE_NAME)
 
     @property
     def effective_release_s(self) -> float:
@@ -156,7 +159,7 @@ class FrontAxle(NamedTuple):
         vehicle_id: Name of the vehicle.
     """
 
-    width_m: float = DEFAULT_WIDTH_M
+    width_m: float = DEFAULT_VEHICLE_WIDTH_M
     ahead_m: float = 1.2
     vehicle_id: str = "ego"
 
@@ -221,7 +224,8 @@ def evaluate_lane_departure(
     config = config or LaneDepartureConfig()
     if paths.time_s[-1] < config.warn_s - 1e-9:
         raise UsageError(
-            f"the paths reach {paths.time_s[-1]:g} s, the rule looks {config.warn_s:g} s ahead", where=RULE
+            f"the paths reach {paths.time_s[-1]:g} s, the rule looks {config.warn_s:g} s ahead",
+            where=LANE_DEPARTURE_RULE_NAME,
         )
     lines = _left_and_right_boundaries_nan_if_implausible(boundaries, config)
     both = (boundaries.left, boundaries.right)
@@ -320,7 +324,7 @@ def _build_warning_rows(
             append_row(i, number, state, name, text, time, distance, math.nan, float(side.probability[i]))
         if span.cleared is not None:
             append_row(span.cleared, number, CLEARED, name, f"warning {number} of the {name} boundary is over")
-    return build_warning_rows(rows, rule=RULE, host_id=host_id)
+    return build_warning_rows(rows, rule=LANE_DEPARTURE_RULE_NAME, host_id=host_id)
 
 
 def _departure_events_table(
@@ -348,7 +352,7 @@ def _departure_events_table(
     gap, rate = at_raise("gap_m"), at_raise("rate_mps")
     columns: dict[str, Any] = {
         "event_id": stamps([number for number, _, _ in events]),
-        "rule": [RULE] * len(events),
+        "rule": [LANE_DEPARTURE_RULE_NAME] * len(events),
         "host_id": [host_id] * len(events),
         "side": [SIDES[at] for _, at, _ in events],
         "raised_ns": raised_ns,
@@ -362,7 +366,7 @@ def _departure_events_table(
         "gap_m": gap,
         "departure_rate_mps": rate,
         "earliest_line_m": earliest_warning_line_m(rate),
-        "latest_line_m": np.full(len(events), LATEST_LINE_CAR_M),
+        "latest_line_m": np.full(len(events), LATEST_WARNING_LINE_OF_CARS_M),
         "probability": at_raise("probability"),
     }
     docs = {

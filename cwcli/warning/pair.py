@@ -39,7 +39,7 @@ NEAR_BEYOND_COLLISION_DISTANCE_M = 6.0
 """Distance in m beyond the collision distance up to which a pair is measured at every path point. Chosen by hand."""
 COARSE_POINT_STRIDE = 5
 """Stride of the path points at which pairs that are not near are measured: every fifth. Chosen by hand."""
-STANDSTILL_SPEED_MPS = 0.5
+MAX_STANDSTILL_SPEED_MPS = 0.5
 """Speed in m/s below which a vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not
 fitted."""
 
@@ -93,7 +93,7 @@ class PairEvaluation:
         return np.full(len(self.stamp_ns), np.nan) if compared is None else compared
 
 
-STAMPS_PER_WINDOW = 512
+HOST_STAMPS_PER_WINDOW = 512
 """Number of host stamps whose paths are in memory at a time; the result does not depend on it. Chosen by hand."""
 
 
@@ -104,7 +104,7 @@ def evaluate_pairs(
     config: WarningConfig,
     time_s: FloatArray,
     *,
-    window_rows: int = STAMPS_PER_WINDOW,
+    window_rows: int = HOST_STAMPS_PER_WINDOW,
 ) -> tuple[PairEvaluation, ...]:
     """Evaluate the host with each of the others at the host's stamps, some stamps at a time.
 
@@ -188,7 +188,7 @@ def _evaluate_window(
         begun = other.onset_paths.take(chosen)
         onset, _ = _measures_and_short_paths_coarse_then_fine(window.points, begun, near, time_s, config, sizes)
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_PATH_ADVANTAGE_M
-        nearer &= np.abs(other.state[other_row, SPEED]) > STANDSTILL_SPEED_MPS
+        nearer &= np.abs(other.state[other_row, SPEED]) > MAX_STANDSTILL_SPEED_MPS
         begun_pairs = replace(pairs, other=begun)
         onset = judge_at_times(onset, begun_pairs, is_wanted=nearer)
         if looks_farther:

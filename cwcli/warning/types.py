@@ -25,9 +25,9 @@ LeftAndRight = tuple[FloatArray, FloatArray]
 EventIdByPairAndEvent = Mapping[tuple[int, int], int]
 """Number of the pair, and of the event in it -> id of the event."""
 
-DEFAULT_LENGTH_M = 4.5
+DEFAULT_VEHICLE_LENGTH_M = 4.5
 """Length of a vehicle that reports none. Chosen: a passenger car's."""
-DEFAULT_WIDTH_M = 1.8
+DEFAULT_VEHICLE_WIDTH_M = 1.8
 """Width of a vehicle that reports none. Chosen: a passenger car's."""
 
 RemoteStateUse = Literal["received", "stamp"]
@@ -101,14 +101,16 @@ class VehicleTrack:
     @property
     def length_and_width_m(self) -> tuple[float, float]:
         """Length and width in metres; the defaults where they are not reported."""
-        return _positive_or_default(self.length_m, DEFAULT_LENGTH_M), _positive_or_default(
-            self.width_m, DEFAULT_WIDTH_M
+        return _positive_or_default(self.length_m, DEFAULT_VEHICLE_LENGTH_M), _positive_or_default(
+            self.width_m, DEFAULT_VEHICLE_WIDTH_M
         )
 
 
 def median_length_and_width_m(lengths_m: FloatArray, widths_m: FloatArray) -> tuple[float, float]:
     """Median length and width (m) of what a vehicle reported, (n,) each; the defaults where it reported none."""
-    return _median_or_default_m(lengths_m, DEFAULT_LENGTH_M), _median_or_default_m(widths_m, DEFAULT_WIDTH_M)
+    return _median_or_default_m(lengths_m, DEFAULT_VEHICLE_LENGTH_M), _median_or_default_m(
+        widths_m, DEFAULT_VEHICLE_WIDTH_M
+    )
 
 
 def _median_or_default_m(values_m: FloatArray, default_m: float) -> float:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.cli.fleet import MAX_SHOWN_REASONS, distinct_errors
+from cwcli.cli.fleet import MAX_PRINTED_ERRORS, distinct_errors
 from tests.cli.conftest import ROOT, Run
 from tests.cli.fleet_logs import cut
 
@@ -37,10 +37,10 @@ def test_each_reason_is_told_once_even_when_quiet(cwcli: Run, tmp_path: Path, op
 def test_many_reasons_are_not_all_told() -> None:
     entries = [
         {"id": f"{k}", "source": "s", "error": {"what": f"it is {k}", "where": "/gps", "found": ["x"], "hint": "h"}}
-        for k in range(MAX_SHOWN_REASONS + 5)
+        for k in range(MAX_PRINTED_ERRORS + 5)
     ]
     told = distinct_errors(entries)
-    assert len(told) == MAX_SHOWN_REASONS + 1
+    assert len(told) == MAX_PRINTED_ERRORS + 1
     assert (told[0].where, told[0].what, told[0].found, told[0].hint) == ("s: /gps", "it is 0", ("x",), "h")
     assert told[-1].what == "5 more reasons are in the manifest"
 

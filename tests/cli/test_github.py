@@ -12,7 +12,7 @@ from junitparser import JUnitXml
 
 from cwcli.cli.comment import MAX_COMMENT_CHARS, format_comment
 from cwcli.cli.github import (
-    MAX_ANNOTATIONS,
+    MAX_ANNOTATIONS_PER_KIND,
     annotations_of_changes,
     annotations_of_gates,
     format_error_command,
@@ -86,10 +86,10 @@ def test_a_failed_gate_names_its_first_log(tmp_path: Path, monkeypatch: pytest.M
 def test_more_annotations_than_github_shows_are_put_into_the_last() -> None:
     run = RunMetrics("out", (LogMetrics("a", source="a.mcap"),))
     lines = annotations_of_gates(run, [gate(f"g{k}", "a") for k in range(25)])
-    assert len(lines) == MAX_ANNOTATIONS
+    assert len(lines) == MAX_ANNOTATIONS_PER_KIND
     assert parse(lines[-1]) == ({"title": "16 more gates failed"}, "\n".join(f"g{k}" for k in range(9, 25)))
     changes = annotations_of_changes([f"worse: m{k}" for k in range(11)])
-    assert len(changes) == MAX_ANNOTATIONS
+    assert len(changes) == MAX_ANNOTATIONS_PER_KIND
     assert parse(changes[-1])[1] == "worse: m9\nworse: m10"
     assert len(annotations_of_changes([f"m{k}" for k in range(10)])) == 10
 

@@ -86,7 +86,7 @@ def test_hostile_input_stays_within_its_bounds(tmp_path: Path, name: str) -> Non
 
 
 def test_pipe_that_nobody_writes_into_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(input_files, "PIPE_WAIT_S", 0.1)
+    monkeypatch.setattr(input_files, "PIPE_WRITER_TIMEOUT_S", 0.1)
     os.mkfifo(tmp_path / "log.mcap")
     with pytest.raises(InputError, match="nobody has written into this pipe"):
         Log.open(tmp_path / "log.mcap")

@@ -39,7 +39,7 @@ from cwcli.channels.road_event import make_road_event_channels, read_road_events
 from cwcli.channels.target import make_target_channels, read_targets_as_states
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel, read_vehicle_states
 from cwcli.channels.warning import make_warning_and_log_channels, read_warnings
-from cwcli.control.encounter import POLICIES
+from cwcli.control.encounter import BRAKING_POLICY_NAMES
 from cwcli.dynamics.samples import STATE_NAMES as LATERAL_NAMES
 from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_frame_statuses
 from cwcli.estimation.result import GatedMeasurements
@@ -221,8 +221,8 @@ def of_warnings(rng: np.random.Generator, n: int) -> Written:
 
 def of_replays(rng: np.random.Generator, n: int) -> Written:
     stamp_ns = times(n)[0]
-    states = tuple(round_to_binary_step(rng.normal(size=(n, N_STATES)), 11) for _ in POLICIES)
-    series = tuple({name: rng.uniform(size=n) for name in STEP_SERIES_FIELDS[:-1]} for _ in POLICIES)
+    states = tuple(round_to_binary_step(rng.normal(size=(n, N_STATES)), 11) for _ in BRAKING_POLICY_NAMES)
+    series = tuple({name: rng.uniform(size=n) for name in STEP_SERIES_FIELDS[:-1]} for _ in BRAKING_POLICY_NAMES)
     series = tuple({**each, STEP_SERIES_FIELDS[-1]: np.zeros(n, np.bool_)} for each in series)
     replays = [ReplayedSteps(1, "car", stamp_ns, states, series)]
     channels = make_replay_channels(replays, host_size_m=(4.5, None), local_map=MAP)

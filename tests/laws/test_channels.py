@@ -19,7 +19,7 @@ from cwcli.channels.published import (
     schema_name_by_published_topic,
 )
 from cwcli.channels.warning import read_warnings
-from cwcli.control.encounter import POLICIES
+from cwcli.control.encounter import BRAKING_POLICY_NAMES
 from cwcli.errors import DataError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
@@ -138,5 +138,5 @@ def test_a_channel_of_another_version_is_an_error_that_says_what_to_do(
 def test_a_descriptor_of_a_policy_is_one_of_its_topics() -> None:
     own = [channel for channel in PUBLISHED_CHANNELS if POLICY_PLACEHOLDER in channel.topic]
     assert len(own) == 3
-    of_all: list[Channel] = [channel.with_policy_in_topic(policy) for channel in own for policy in POLICIES]
+    of_all: list[Channel] = [channel.with_policy_in_topic(policy) for channel in own for policy in BRAKING_POLICY_NAMES]
     assert {channel.topic for channel in of_all} <= set(schema_name_by_published_topic())

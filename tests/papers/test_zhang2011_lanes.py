@@ -10,12 +10,12 @@ from cwcli.vision.method import LaneFrame
 from cwcli.vision.methods import METHODS
 from cwcli.vision.objective import BLOCK_WEIGHTS_TENTHS
 from cwcli.vision.zhang2011 import (
-    CROSSOVER_RATE,
+    CROSSOVER_PROBABILITY,
     FIRST_LEFT_REGION,
     FIRST_PHASE,
     FIRST_RIGHT_REGION,
     LATER_PHASE,
-    MUTATION_RATE,
+    MUTATION_PROBABILITY,
     SECOND_PHASE,
     count_parameter_bits,
     cross_chromosomes,
@@ -61,7 +61,7 @@ def test_lengths_of_table_3_follow_from_eq_4() -> None:
 def test_phases_of_table_4() -> None:
     assert [phase_after_frames(n) for n in range(8)] == [FIRST_PHASE, *[SECOND_PHASE] * 5, LATER_PHASE, LATER_PHASE]
     assert [phase.generations for phase in (FIRST_PHASE, SECOND_PHASE, LATER_PHASE)] == [180, 120, 25]
-    assert (CROSSOVER_RATE, MUTATION_RATE) == (0.45, 0.05)
+    assert (CROSSOVER_PROBABILITY, MUTATION_PROBABILITY) == (0.45, 0.05)
 
 
 def test_weights_of_tables_1_and_2() -> None:

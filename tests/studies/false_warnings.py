@@ -34,7 +34,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
-from cwcli.conformance.grades import GRADES
+from cwcli.conformance.grades import SCENARIO_OVERRIDES_BY_GRADE
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, N_STATES, SPEED, YAW_RATE, X, Y
 from cwcli.simulate.sensor_log import write_simulated_log
@@ -124,7 +124,7 @@ def traffic_logs(folder: Path, n_hosts: int, seed: int) -> Iterator[Path]:
     states = {name: smooth_states(rows) for name, rows in cars.items()}
     long_enough = [name for name in cars if times[name][-1] - times[name][0] > 60.0 and times[name][0] > 60.0]
     rng = np.random.default_rng(seed)
-    settings = GRADES["nominal"]
+    settings = SCENARIO_OVERRIDES_BY_GRADE["nominal"]
     sensors = {name: dict(table) for name, table in settings.items() if name != "v2x"}
     base = parse_scenario(
         {"duration_s": 1, "vehicles": {HOST_NAME: {"speed_mps": 0}}, "sensors": sensors, "v2x": dict(settings["v2x"])},

@@ -25,7 +25,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cwcli.fleet.folder import ANNOTATED_LOG_NAME, SHARD_KEY, write_json_object
-from cwcli.fleet.input_states import INPUTS_KEY, FileState, file_states_to_document, read_file_state
+from cwcli.fleet.input_states import INPUT_STATES_KEY, FileState, file_states_to_document, read_file_state
 from cwcli.fleet.shard import Shard
 from tests.cli.fleet_logs import cut
 
@@ -73,7 +73,7 @@ def multiply_run(base: Path, out: Path, states: dict[str, FileState], shard: Sha
         pq.write_table(pa.concat_tables(copies), out / f"{name}.parquet", compression="zstd", row_group_size=65_536)
     write_json_object(manifest, out / "manifest.json")
     times = {id: {"status": "done", "wall_s": 1.0, "cpu_s": 1.0, "peak_mb": 1.0, "attempts": 1} for id in states}
-    write_json_object({"logs": times, INPUTS_KEY: file_states_to_document(states)}, out / "run_times.json")
+    write_json_object({"logs": times, INPUT_STATES_KEY: file_states_to_document(states)}, out / "run_times.json")
 
 
 def measure_merge(folder: Path, states: dict[str, FileState], n_shards: int) -> None:

@@ -30,7 +30,7 @@ import numpy as np
 
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe_lateral_motion
-from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LateralTrack, ScalarSamples
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_POINT_DISTANCE_M, LateralTrack, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.metrics.lane_scores import (
     VISUAL_TOLERANCE_PX,
@@ -201,7 +201,7 @@ def watched(
                 pair.append(share_of_rows_within_tolerance(u_px[i, side], true_px, visible, tolerance_px=tolerance_px))
             shares.append(pair)
         share[i] = max(shares, key=lambda pair: np.nan_to_num(np.array(pair), nan=1.0).min())
-    geometry = compute_lane_geometry(fits, camera, preview_m=DEFAULT_PREVIEW_M)
+    geometry = compute_lane_geometry(fits, camera, preview_m=DEFAULT_PREVIEW_POINT_DISTANCE_M)
     is_bare = np.array([_bare(drive, truth) for truth in truths])
     return Seen(
         drive,

@@ -20,7 +20,7 @@ import numpy as np
 
 from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
 from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
-from cwcli.simulation.road.defects import DOT_AND_GAP_M, DOT_WIDTH_M
+from cwcli.simulation.road.defects import DOT_AND_GAP_M, RAISED_DOT_WIDTH_M
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.scene import Marking
 from cwcli.simulation.streams import random_stream
@@ -50,7 +50,9 @@ DASHES = {"3 + 9": (3.0, 9.0), "4 + 6": (4.0, 6.0), "6 + 9": (6.0, 9.0), "dashed
 def painted(marking: Marking, name: str) -> Marking:
     """A marking of a name of `DRAWN`."""
     if name == "dots":
-        return replace(marking, dash_m=DOT_AND_GAP_M, width_m=DOT_WIDTH_M, remaining_paint_share=1.0, is_double=False)
+        return replace(
+            marking, dash_m=DOT_AND_GAP_M, width_m=RAISED_DOT_WIDTH_M, remaining_paint_share=1.0, is_double=False
+        )
     dash_m = next((dash for key, dash in DASHES.items() if name.endswith(key)), (0.0, 0.0))
     return replace(marking, dash_m=dash_m, is_double=name.startswith("double"))
 

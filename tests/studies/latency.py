@@ -15,7 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation import EstimatorConfig, Latency, LatencyStatus, estimate_track
-from cwcli.estimation.latency_search import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, SEARCH_SIDE_SLIP_M
+from cwcli.estimation.latency_search import (
+    IMU_REFERENCE_JERK_SIGMA_MPS3,
+    IMU_REFERENCE_YAW_ACCEL_SIGMA_RADPS2,
+    SEARCH_POSITION_NOISE_M_PER_ROOT_S,
+)
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import run_filter_pass
@@ -94,7 +98,9 @@ def bound(measurements: Sequence[Measurements], planted: dict[str, float]) -> di
         Kind.ACCEL: sensors.accel_mps2, Kind.YAW_RATE: sensors.yaw_rate_radps,
     }  # fmt: skip
     parameters = MotionParameters(
-        jerk_sigma_mps3=LOOSE_JERK_MPS3, yaw_accel_sigma_radps2=LOOSE_YAW_ACCEL_RADPS2, side_slip_m=SEARCH_SIDE_SLIP_M
+        jerk_sigma_mps3=IMU_REFERENCE_JERK_SIGMA_MPS3,
+        yaw_accel_sigma_radps2=IMU_REFERENCE_YAW_ACCEL_SIGMA_RADPS2,
+        side_slip_m=SEARCH_POSITION_NOISE_M_PER_ROOT_S,
     )
     prepared, _ = clean_and_sort_measurements_and_note(measurements, earliest_stamp_ns(measurements))
     series, walk, prior = add_bias_states_and_their_variances(prepared, parameters)

@@ -28,7 +28,7 @@ import cv2
 import numpy as np
 
 from cwcli.dynamics.observer import observe_lateral_motion
-from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, ScalarSamples
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_POINT_DISTANCE_M, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.metrics.lane_scores import (
     VISUAL_TOLERANCE_PX,
@@ -176,7 +176,7 @@ def jumped(seen: Seen) -> tuple[FloatArray, FloatArray]:
 def departures(seen: Seen) -> Table:
     """Warnings of the default observer and rule."""
     car, n = load_vehicle(), len(seen.stamp_ns)
-    geometry = compute_lane_geometry(seen.fits, seen.camera, preview_m=DEFAULT_PREVIEW_M)
+    geometry = compute_lane_geometry(seen.fits, seen.camera, preview_m=DEFAULT_PREVIEW_POINT_DISTANCE_M)
     speed = ScalarSamples(seen.stamp_ns, np.full(n, SPEED_MPS))
     track = observe_lateral_motion(lane_samples_from_geometry(seen.stamp_ns / 1e9, geometry, seen.fits), speed, car)
     paths = scale_covariance_across_path(predict_paths_from_observer(track, car), track)

@@ -156,7 +156,7 @@ print(status, spill.counts()["in_file"] >> 20)
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no folder in memory")
 def test_a_folder_in_memory_gets_no_arrays(tmp_path: Path) -> None:
     script = """
-array_memory.FOLDER_ON_DISK = "/dev/shm"
+array_memory.LARGE_ARRAY_FOLDER = "/dev/shm"
 array_memory.bound_array_memory_and_get_old_handler()
 held = [np.full(1 << 18, k, float) for k in range(40)]
 print(spill.counts()["in_file"])
@@ -181,7 +181,7 @@ def test_without_a_folder_for_temporary_files_another_one_on_a_disk_serves(tmp_p
 def none_usable():
     raise FileNotFoundError(2, "No usable temporary directory found")
 tempfile.gettempdir = none_usable
-array_memory.FOLDER_ON_DISK = os.getcwd()
+array_memory.LARGE_ARRAY_FOLDER = os.getcwd()
 array_memory.bound_array_memory_and_get_old_handler()
 held = [np.full(1 << 18, k, float) for k in range(60)]
 print(spill.counts()["in_file"] >> 20)

@@ -28,7 +28,7 @@ EXAMPLES = (
     "cwcli estimate drive.mcap --calibration car.toml -o estimated.mcap",
 )
 """Command lines at the end of the command's `--help`."""
-TABLE_HEADINGS = (
+CALIBRATION_TABLE_HEADINGS = (
     "source",
     "quantity",
     "constant of the source",
@@ -39,7 +39,7 @@ TABLE_HEADINGS = (
     "agreement of the logs",
 )
 """Headings of the table of constants."""
-EVIDENCE_TEXTS = {
+FORMAT_BY_DRIVING_EVIDENCE = {
     "distance_km": "{:.3g} km",
     "accel_rms_mps2": "acceleration {:.3g} m/s^2 RMS",
     "yaw_rate_rms_radps": "yaw rate {:.3g} rad/s RMS",
@@ -165,10 +165,12 @@ def _constant_table_rows(found: Calibration) -> list[tuple[Cell, ...]]:
 def _print_calibration(console: Console, found: Calibration) -> None:
     """Print the table of constants, and notes on those that the logs disagree on."""
     console.print_heading(f"Calibration from {format_count(len(found.logs), 'log')}, {found.minutes:.1f} minutes")
-    driven = [text.format(found.evidence[key]) for key, text in EVIDENCE_TEXTS.items() if key in found.evidence]
+    driven = [
+        text.format(found.evidence[key]) for key, text in FORMAT_BY_DRIVING_EVIDENCE.items() if key in found.evidence
+    ]
     if driven:
         console.print_summary(f"driven: {', '.join(driven)}")
-    console.print_summary(format_table(TABLE_HEADINGS, _constant_table_rows(found)))
+    console.print_summary(format_table(CALIBRATION_TABLE_HEADINGS, _constant_table_rows(found)))
     for source, quantities in found.sensors.items():
         for quantity, constants in quantities.items():
             for name, constant in constants.items():

@@ -288,10 +288,10 @@ def _require_stage_results(run: RunMetrics) -> None:
     Raises:
         MissingSignalError: No log of the run has a result of a stage.
     """
-    from cwcli.metrics.pooling import QUALITY
+    from cwcli.metrics.pooling import DATA_METRIC_PREFIX
 
     scored = [log for log in run.logs if not log.error]
-    if not scored or any(not name.startswith(QUALITY) for log in scored for name in log.rows):
+    if not scored or any(not name.startswith(DATA_METRIC_PREFIX) for log in scored for name in log.rows):
         return
     subject, target = ("it", "-o annotated.mcap") if run.is_one_log else ("any of its logs", "-d out/")
     logs = "LOG" if run.is_one_log else "logs/*.mcap"

@@ -29,14 +29,14 @@ EXAMPLES = (
     "cwcli conform nhtsa-fcw --log drive.mcap --system /adas/fcw:data==true",
 )
 """Command lines at the end of the command's `--help`."""
-ALL_CLAUSES = "all"
+ALL_CLAUSES_NAME = "all"
 """Name that stands for every clause."""
 
 
 def _complete_clauses(incomplete: str) -> list[str]:
     from cwcli.conformance.clause import clause_names
 
-    return [name for name in (*clause_names(), ALL_CLAUSES) if name.startswith(incomplete)]
+    return [name for name in (*clause_names(), ALL_CLAUSES_NAME) if name.startswith(incomplete)]
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def _run_or_read_trials(
     from cwcli.conformance.run import ConformConfig, run_clauses
 
     names = list(
-        dict.fromkeys(each for name in clauses for each in (clause_names() if name == ALL_CLAUSES else (name,)))
+        dict.fromkeys(each for name in clauses for each in (clause_names() if name == ALL_CLAUSES_NAME else (name,)))
     )
     config = ConformConfig(trials.seeds, trials.jobs, trials.rule, trials.horizon, trials.policy, trials.grade)
     if recorded.log is None:

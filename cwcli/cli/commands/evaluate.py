@@ -110,7 +110,7 @@ def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, o
     from cwcli.fleet.results import read_run_metrics
     from cwcli.metrics.gate_syntax import parse_gate
     from cwcli.metrics.gates import check_gates
-    from cwcli.metrics.pooling import QUALITY, metrics_table_of_run, pool_all_metrics
+    from cwcli.metrics.pooling import DATA_METRIC_PREFIX, metrics_table_of_run, pool_all_metrics
     from cwcli.metrics.table import write_table
     from cwcli.output import AtomicGroup, write_file
 
@@ -149,7 +149,7 @@ def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, o
     else:
         _print_evaluation(console, run, pooled, results, everything=output.everything)
         print_written_files(console, targets)
-    if not results and pooled and all(name.startswith(QUALITY) for name in pooled):
+    if not results and pooled and all(name.startswith(DATA_METRIC_PREFIX) for name in pooled):
         raise MissingSignalError(
             "no stage of cwcli has run on it, so there is nothing to score but the quality of its data",
             where=run.source,

@@ -31,7 +31,7 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 MAX_SHOWN_EVENTS = 50
 """Largest number of events that the terminal shows; chosen by hand, the others are in the table and in --json."""
-LARGEST_MARGIN_OPTION_S = 3600.0
+MAX_CLIP_MARGIN_S = 3600.0
 """Largest `--margin`, s; chosen by hand."""
 
 
@@ -57,7 +57,7 @@ class ResultOptions:
             "--margin",
             metavar="S",
             min=0.0,
-            max=LARGEST_MARGIN_OPTION_S,
+            max=MAX_CLIP_MARGIN_S,
             help="Seconds before and after the event in a clip and in the figures of the report.",
         ),
     ] = 5.0

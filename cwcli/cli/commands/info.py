@@ -96,14 +96,14 @@ def command(
 
 def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Document:
     """Describe a log without reading its messages: the content of `--json`."""
-    from cwcli.channels.binding import EVERY_ROLE, bind_roles, parse_role_overrides
-    from cwcli.channels.reasons import READABLE_REASONS, unbound_reasons_by_topic
+    from cwcli.channels.binding import ALL_ROLE_NAMES, bind_roles, parse_role_overrides
+    from cwcli.channels.reasons import REASONS_COMPLETED_BY_FIRST_MESSAGES, unbound_reasons_by_topic
 
     bindings = bind_roles(
         log.channels,
         parse_role_overrides(reading.topics_and_mappings),
         required=(),
-        optional=EVERY_ROLE,
+        optional=ALL_ROLE_NAMES,
         ego_station=sensors.ego_station,
         where=log.name,
     )
@@ -114,7 +114,7 @@ def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> D
     why = unbound_reasons_by_topic(log.channels, bindings)
     if reading.dbc:
         _add_dbc_signals_to_reasons(log, why, reading.dbc)
-    if any(reason.why in READABLE_REASONS for reason in why.values()):
+    if any(reason.why in REASONS_COMPLETED_BY_FIRST_MESSAGES for reason in why.values()):
         from cwcli.pipeline.message_fields import explain_unknown_channels
 
         explain_unknown_channels(log, why)
@@ -269,10 +269,10 @@ def _count_usable_messages(
 
 
 def _read_contract(path: str) -> RecordingContract:
-    from cwcli.channels.binding import EVERY_ROLE
+    from cwcli.channels.binding import ALL_ROLE_NAMES
     from cwcli.pipeline.recording_contract import RecordingContract
 
-    return RecordingContract.read_toml(path, EVERY_ROLE)
+    return RecordingContract.read_toml(path, ALL_ROLE_NAMES)
 
 
 def _judge_contract(contract: RecordingContract, document: Document) -> list[Document]:

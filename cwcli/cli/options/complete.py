@@ -20,9 +20,9 @@ MAX_OFFERED_TOPICS = 500
 
 def complete_role_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Complete `ego_position=`, then `ego_position=/gps/fix`; an unreadable log gives no topics and no error."""
-    from cwcli.channels.binding import ROLE_TEXT
+    from cwcli.channels.binding import DESCRIPTION_BY_ROLE
 
-    return _matching_choices(ctx, incomplete, ROLE_TEXT)
+    return _matching_choices(ctx, incomplete, DESCRIPTION_BY_ROLE)
 
 
 def complete_system_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:

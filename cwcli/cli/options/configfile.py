@@ -28,7 +28,7 @@ from cwcli.lazy_dataclass import dataclass
 
 DEFAULT_CONFIG_NAME = "cwcli.toml"
 """Name of the file that is used when no file is named."""
-NO_FILE = "none"
+NO_CONFIG_FILE_VALUE = "none"
 """Value of `--config` that disables configuration files."""
 STAGE_SEPARATOR = "__"
 """Separator of stage and option in parameter names of a command that runs several stages; no name contains it."""
@@ -51,7 +51,7 @@ def apply_config_file(ctx: typer.Context, value: str | None) -> str | None:
     Raises:
         UsageError: The file can't be read, is no TOML, or holds an unknown or unfit key, or one that writes.
     """
-    if ctx.resilient_parsing or value == NO_FILE:
+    if ctx.resilient_parsing or value == NO_CONFIG_FILE_VALUE:
         return None
     is_found = value is None
     value = value or find_config_file()
@@ -84,7 +84,7 @@ def apply_config_file(ctx: typer.Context, value: str | None) -> str | None:
         from cwcli.cli.console import Console
 
         Console(quiet=bool(ctx.params.get("quiet"))).print_note(
-            f"defaults from {value} (--config {NO_FILE} does without)"
+            f"defaults from {value} (--config {NO_CONFIG_FILE_VALUE} does without)"
         )
     ctx.default_map = defaults
     _ORIGIN_BY_OPTION.set(origins)

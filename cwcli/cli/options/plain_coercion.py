@@ -28,7 +28,7 @@ class _PlainCoercion:
         plain = coerce_plain_value(self._annotation, value)
         if is_infinite(plain):
             raise typer.BadParameter(f"{value} is not a finite number")
-        if plain is not NOT_PLAIN and is_within_bounds(plain, self._info.min, self._info.max):
+        if plain is not LEFT_TO_TYPER and is_within_bounds(plain, self._info.min, self._info.max):
             return plain
         self._parameter._runtime_param = None
         full = self._parameter.get_runtime_param()
@@ -45,9 +45,9 @@ class _PlainCoercion:
             raise typer.BadParameter(what, ctx=ctx, param=param) from error
 
 
-NOT_PLAIN = object()
+LEFT_TO_TYPER = object()
 """Marks a value that is left to Typer's conversion."""
-_KIND_TEXT = {
+_DESCRIPTION_BY_VALUE_TYPE = {
     int: "a whole number",
     float: "a number",
     bool: "true or false",
@@ -63,7 +63,7 @@ def _expected_value_text(annotation: Any, info: Any) -> str:
     """Describe the values that an option takes."""
     if get_origin(annotation) is Literal:
         return f"one of {', '.join(map(str, get_args(annotation)))}"
-    words = _KIND_TEXT.get(annotation, "another value")
+    words = _DESCRIPTION_BY_VALUE_TYPE.get(annotation, "another value")
     if info.min is not None and info.max is not None:
         return f"{words} from {info.min:g} to {info.max:g}"
     if info.min is not None:
@@ -80,22 +80,22 @@ def coerce_plain_value(annotation: Any, value: Any) -> Any:
     if annotation is str and isinstance(value, str):
         return value
     if annotation == list[str] and isinstance(value, (list, tuple)):
-        return list(value) if all(isinstance(item, str) for item in value) else NOT_PLAIN
+        return list(value) if all(isinstance(item, str) for item in value) else LEFT_TO_TYPER
     if get_origin(annotation) is Literal and value in get_args(annotation):
         return value
     if annotation in (int, float):
         return _coerce_plain_number(annotation, value)
-    return NOT_PLAIN
+    return LEFT_TO_TYPER
 
 
 def _coerce_plain_number(kind: type[int] | type[float], value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        return NOT_PLAIN
+        return LEFT_TO_TYPER
     try:
         result = kind(value)
     except (ValueError, OverflowError):
-        return NOT_PLAIN
-    return result if kind is float or str(result) == str(value) else NOT_PLAIN
+        return LEFT_TO_TYPER
+    return result if kind is float or str(result) == str(value) else LEFT_TO_TYPER
 
 
 def is_infinite(value: Any) -> bool:

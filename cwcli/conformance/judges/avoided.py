@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from cwcli.conformance.encounter import Encounter
-from cwcli.conformance.policies import NO_BRAKING, drive_with_policy, impact_speeds_with_policy_mps
+from cwcli.conformance.policies import NO_BRAKING_POLICY, drive_with_policy, impact_speeds_with_policy_mps
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.control.driver_models import R157_DRIVER, CasePoses, EgoCases, simulate_driver_cases
 from cwcli.errors import UsageError
@@ -78,7 +78,7 @@ def judge(driven: DrivenTrial) -> Verdict:
         raise UsageError("the two would never touch, so there is nothing to avoid", hint="check the trial's numbers")
     if driven.demands.get("r157") and not r157_driver_avoids(encounter):
         raise UsageError("the driver of UN R157 does not avoid this cut-in either", hint="give it more time")
-    policy = "full" if driven.policy == NO_BRAKING else driven.policy
+    policy = "full" if driven.policy == NO_BRAKING_POLICY else driven.policy
     verdict = judge_by_window(driven, warning_window(encounter, dict(driven.demands), policy))
     impact_mps = drive_with_policy(encounter, policy, driven.warned_s).impact_mps
     values = {**verdict.values, "impact_kmh": impact_mps * KMH_PER_MPS}

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from cwcli.conformance.encounter import Encounter
-from cwcli.conformance.policies import NO_BRAKING, drive_with_policy
+from cwcli.conformance.policies import NO_BRAKING_POLICY, drive_with_policy
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.signals.units import KMH_PER_MPS
 
@@ -63,7 +63,7 @@ def judge(driven: DrivenTrial) -> Verdict:
     encounter = driven.encounter
     assert isinstance(encounter, Encounter)
     verdict = judge_by_window(driven, warning_window(encounter, demands))
-    if driven.policy == NO_BRAKING or math.isnan(driven.warned_s):
+    if driven.policy == NO_BRAKING_POLICY or math.isnan(driven.warned_s):
         return verdict
     braked = drive_with_policy(encounter, driven.policy, driven.warned_s + demands["lead_time"])
     impact_kmh = braked.impact_mps * KMH_PER_MPS

@@ -13,13 +13,13 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 AXIS_NAMES = ("x", "y", "z")
 """Names of the axes of an IMU."""
-NO_OFFSET = (0.0,) * 6
+ZERO_IMU_OFFSET = (0.0,) * 6
 """Offset of a hypothesis without one: zero for the three accelerations and the three turn rates."""
 
 
 def _scale_hypothesis(name: str, group: str, fault: str, action: str, accel: float, gyro: float) -> Hypothesis:
     diagonal = np.diag([accel] * 3 + [gyro] * 3)
-    return Hypothesis(name, group, fault, action, tuple(map(tuple, diagonal.tolist())), NO_OFFSET)
+    return Hypothesis(name, group, fault, action, tuple(map(tuple, diagonal.tolist())), ZERO_IMU_OFFSET)
 
 
 def axes_hypothesis(forward: int, left: int, up: int) -> Hypothesis:
@@ -33,7 +33,7 @@ def axes_hypothesis(forward: int, left: int, up: int) -> Hypothesis:
     for row, axis in enumerate((forward, left, up)):
         rotation[row, abs(axis) - 1] = rotation[row + 3, abs(axis) + 2] = math.copysign(1.0, axis)
     fault = f"is mounted with {names[0]} forward, {names[1]} left and {names[2]} up, not x, y and z"
-    return Hypothesis(",".join(names), "axes", fault, "turned", tuple(map(tuple, rotation.tolist())), NO_OFFSET)
+    return Hypothesis(",".join(names), "axes", fault, "turned", tuple(map(tuple, rotation.tolist())), ZERO_IMU_OFFSET)
 
 
 def signed_axis_rotations() -> tuple[tuple[int, int, int], ...]:
@@ -57,7 +57,7 @@ def _gyro_unit_hypothesis(name: str, fault: str, radps_per_unit: float) -> Hypot
     return _scale_hypothesis(name, "gyro unit", f"measures turn rates in {fault}", "converted", 1.0, radps_per_unit)
 
 
-ACCEL_UNITS = (
+ACCEL_UNIT_HYPOTHESES = (
     _accel_unit_hypothesis("g", "g, not m/s^2", STANDARD_GRAVITY_MPS2),
     _accel_unit_hypothesis("mg", "mg, not m/s^2", 1e-3 * STANDARD_GRAVITY_MPS2),
     _accel_unit_hypothesis("cm/s^2", "cm/s^2, not m/s^2", 0.01),
@@ -67,7 +67,7 @@ ACCEL_UNITS = (
     ),
 )
 """Hypotheses on the unit of an accelerometer."""
-GYRO_UNITS = (
+GYRO_UNIT_HYPOTHESES = (
     _gyro_unit_hypothesis("degrees/s", "degrees/s, not rad/s", math.pi / 180.0),
     _gyro_unit_hypothesis("milliradians/s", "milliradians/s, not rad/s", 1e-3),
     _gyro_unit_hypothesis(
@@ -82,9 +82,9 @@ SIGN_HYPOTHESES = (
     _scale_hypothesis("gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0),
 )
 """Two hypotheses: that the accelerometer has the wrong sign, and that the gyroscope has."""
-AXES = tuple(axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
+IMU_AXES_HYPOTHESES = tuple(axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
-IMU = (*ACCEL_UNITS, *GYRO_UNITS, *SIGN_HYPOTHESES, *AXES)
+IMU = (*ACCEL_UNIT_HYPOTHESES, *GYRO_UNIT_HYPOTHESES, *SIGN_HYPOTHESES, *IMU_AXES_HYPOTHESES)
 """Hypotheses on units, signs and axes of a source of `Kind.IMU`."""
 
 
@@ -100,4 +100,4 @@ def tilt_hypothesis(force: FloatArray) -> Hypothesis:
     matrix[:3, :3] = matrix[3:, 3:] = turn
     tilt_deg = math.degrees(math.acos(min(1.0, float(u[2]))))
     fault = f"is mounted tilted by {tilt_deg:.0f} degrees"
-    return Hypothesis("tilted", "tilt", fault, "levelled", tuple(map(tuple, matrix.tolist())), NO_OFFSET)
+    return Hypothesis("tilted", "tilt", fault, "levelled", tuple(map(tuple, matrix.tolist())), ZERO_IMU_OFFSET)

@@ -6,17 +6,17 @@ from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.speed import SPEED
 from cwcli.lazy_dataclass import replace
 
-NO_OFFSET = (0.0, 0.0)
+ZERO_VELOCITY_OFFSET = (0.0, 0.0)
 """Offset of a hypothesis without one: zero east and north."""
 
 
 def _axes_hypothesis(name: str, fault: str, east: tuple[float, float], north: tuple[float, float]) -> Hypothesis:
-    return Hypothesis(name, "axes", fault, "axes exchanged", (east, north), NO_OFFSET)
+    return Hypothesis(name, "axes", fault, "axes exchanged", (east, north), ZERO_VELOCITY_OFFSET)
 
 
 VELOCITY = (
     *(
-        replace(each, matrix=((each.matrix[0][0], 0.0), (0.0, each.matrix[0][0])), offset=NO_OFFSET)
+        replace(each, matrix=((each.matrix[0][0], 0.0), (0.0, each.matrix[0][0])), offset=ZERO_VELOCITY_OFFSET)
         for each in SPEED
         if each.group == "unit"
     ),

@@ -10,14 +10,16 @@ from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TE
 
 MIN_ASSUMPTIONS_FOR_DOUBT = 1
 """Number of assumed properties from which the lanes are doubted. Chosen by hand: each changes every distance."""
-PROPERTIES = {"lens": ASSUMED_LENS_TEXT, "mounting": ASSUMED_MOUNTING_TEXT}
+NOTE_START_BY_ASSUMED_PROPERTY = {"lens": ASSUMED_LENS_TEXT, "mounting": ASSUMED_MOUNTING_TEXT}
 """Property of a camera that may be assumed -> the beginning of the note of `lanes` that says so."""
 
 
 def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield what of the camera is assumed."""
     notes = evidence.summary_of_stage("lanes").notes
-    assumed = [name for name, text in PROPERTIES.items() if any(note.startswith(text) for note in notes)]
+    assumed = [
+        name for name, text in NOTE_START_BY_ASSUMED_PROPERTY.items() if any(note.startswith(text) for note in notes)
+    ]
     if assumed:
         yield Finding(
             float(len(assumed)),

@@ -16,14 +16,14 @@ MIN_DOUBTED_OFFSET_M = 2.0
 """Least offset from the fixes, m, that is doubted. Chosen: a car 2 m beside its place would be in another lane."""
 MIN_LASTING_OFFSET_S = 2.0
 """Least duration in s of an offset that counts. Chosen: longer than an outlier, shorter than the doubted stretches."""
-RECORD_KEY = "fix_offsets"
+FIX_OFFSETS_RECORD_KEY = "fix_offsets"
 """Entry of the record of `estimate` that holds the offsets as JSON."""
 
 
 def find_track_offsets_from_fixes(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each source of positions beside which the track lies."""
     record: Record = evidence.records.get("estimate", {})
-    for each in parse_json_entry_or_empty(record, RECORD_KEY, list):
+    for each in parse_json_entry_or_empty(record, FIX_OFFSETS_RECORD_KEY, list):
         if not isinstance(each, dict):
             continue
         offset_m, sigma_m, at_ns = (read_finite_number_or_nan(each, key) for key in ("offset_m", "sigma_m", "stamp_ns"))

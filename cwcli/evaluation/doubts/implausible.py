@@ -17,7 +17,7 @@ MAX_PLAUSIBLE_SPEED_KMH = 200.0
 hand."""
 MAX_PLAUSIBLE_ACCEL_MPS2 = 12.0
 """Greatest plausible acceleration of a car, m/s^2: tyres on a dry road transmit about 1.2 g at most. Chosen by hand."""
-ADVICE = "Check the units and the axes of the sensors."
+IMPLAUSIBLE_VALUE_ADVICE = "Check the units and the axes of the sensors."
 """The advice for every implausible value, a sentence for users."""
 
 
@@ -56,16 +56,16 @@ def _make_implausible_size_rule(
             at_s = evidence.seconds_since_start(int(evidence.ego.stamp_ns[at]))
             yield Finding(float(values[at]), f"The estimate has {quantity} of {values[at]:.0f} {unit} at {at_s:.0f} s.")
 
-    return DoubtRule(f"{quantity} that no car has", greatest_plausible, unit, source, ADVICE, find)
+    return DoubtRule(f"{quantity} that no car has", greatest_plausible, unit, source, IMPLAUSIBLE_VALUE_ADVICE, find)
 
 
 SPEED_RULE = _make_implausible_size_rule(
     "a speed", "km/h", MAX_PLAUSIBLE_SPEED_KMH, "chosen: above public roads", _absolute_speed_kmh
 )
-_OF_TYRES = "tyres on a dry road transmit about 1.2 g"
+_TYRE_LIMIT_SOURCE = "tyres on a dry road transmit about 1.2 g"
 ACCELERATION_RULE = _make_implausible_size_rule(
-    "an acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _absolute_longitudinal_accel_mps2
+    "an acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _TYRE_LIMIT_SOURCE, _absolute_longitudinal_accel_mps2
 )
 LATERAL_ACCELERATION_RULE = _make_implausible_size_rule(
-    "a lateral acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _OF_TYRES, _absolute_lateral_accel_mps2
+    "a lateral acceleration", "m/s²", MAX_PLAUSIBLE_ACCEL_MPS2, _TYRE_LIMIT_SOURCE, _absolute_lateral_accel_mps2
 )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.channels.published import EGO_ONLINE, OWN_TOPIC_PREFIX
-from cwcli.estimation.tolerances import MAX_UNREPORTED_DELAY_S
+from cwcli.estimation.tolerances import MAX_UNREPORTED_STATE_DELAY_S
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import MAX_TOPIC_CHARACTERS, DoubtEvidence
 from cwcli.pipeline.records import read_finite_number_or_nan, read_input_counts, to_float_or_nan
@@ -52,7 +52,7 @@ def find_late_states(evidence: DoubtEvidence) -> Iterator[Finding]:
         "online", "channel", "95 % of delays below [s]"
     ):
         delay_s = to_float_or_nan(delay) if isinstance(delay, int | float) else 0.0
-        if topic == EGO_ONLINE.topic and delay_s > MAX_UNREPORTED_DELAY_S:
+        if topic == EGO_ONLINE.topic and delay_s > MAX_UNREPORTED_STATE_DELAY_S:
             yield Finding(
                 delay_s,
                 f"A car could have known these states only {delay_s:.1f} s late, so warnings come as late.",
@@ -62,7 +62,7 @@ def find_late_states(evidence: DoubtEvidence) -> Iterator[Finding]:
 LATE_STATES = DoubtRule(
     summary="online states that could be known only late (95 % of them within this time)",
     short_name="late states",
-    threshold=MAX_UNREPORTED_DELAY_S,
+    threshold=MAX_UNREPORTED_STATE_DELAY_S,
     unit="s",
     source="chosen: a second is what a driver needs to react",
     advice="Check the stamps against the log times; --clock log uses the log times.",

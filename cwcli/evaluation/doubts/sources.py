@@ -40,7 +40,7 @@ ADVICE_WITH_AN_OPTION = "Check that sensor, or mend the recording; {}."
 """The advice where the recorded sentence names the option that undoes the correction."""
 EVIDENCE_PATTERN = r" \((?P<evidence>[^()]*); (?P<option>--trust \S+ leaves it unchanged)\)\.?$"
 """The end of the recorded sentence: what shows the fault, and the option (`cwcli.estimation.correction`)."""
-RATIO_PATTERN = r"^log-likelihood ratio \S+ by "
+LOG_LIKELIHOOD_RATIO_PATTERN = r"^log-likelihood ratio \S+ by "
 """The beginning of the evidence where other sources show the fault: its number is for `--details` alone."""
 
 
@@ -52,7 +52,7 @@ def find_corrected_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
         if end is None:
             yield Finding(float(len(found)), name_sources_in_words(sentence))
             continue
-        shown = re.sub(RATIO_PATTERN, "shown by ", end["evidence"])
+        shown = re.sub(LOG_LIKELIHOOD_RATIO_PATTERN, "shown by ", end["evidence"])
         yield Finding(
             float(len(found)),
             name_sources_in_words(f"{sentence[: end.start()]} ({shown})"),

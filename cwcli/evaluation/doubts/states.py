@@ -151,7 +151,7 @@ GAPS = DoubtRule(
 )
 
 
-SEVERAL_TRUTHS = "hold the truth"
+SEVERAL_TRUTHS_NOTE_WORDS = "hold the truth"
 """Words in the note of `estimate` that several channels could be the truth, so that none was used."""
 _TRUTH_OPTION_PATTERN = re.compile(r"--topic truth=[^\s,)]+")
 """An option in that note that chooses one of them."""
@@ -160,7 +160,7 @@ _TRUTH_OPTION_PATTERN = re.compile(r"--topic truth=[^\s,)]+")
 def find_estimate_without_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield a remark if the ego was estimated and nothing tells its errors."""
     if evidence.ego is not None and not evidence.estimate_summary.rows_of_table_columns_or_empty("nees", "quantity"):
-        choice = next((note for note in evidence.estimate_summary.notes if SEVERAL_TRUTHS in note), "")
+        choice = next((note for note in evidence.estimate_summary.notes if SEVERAL_TRUTHS_NOTE_WORDS in note), "")
         reason = (
             "The log has several channels of true positions"
             if choice

@@ -40,7 +40,7 @@ MAX_LISTED_FIELDS = 40
 """Greatest number of fields that an error lists; chosen for short messages."""
 MAX_SCANNED_MESSAGES = 1000
 """Number of messages that are searched for fields. Chosen for speed; not fitted."""
-MAX_PLAUSIBLE_SET_SHARE = 0.5
+MAX_SET_SHARE_OF_WARNING_FLAG = 0.5
 """Share of messages above which a flag that is set is doubtful as a warning. Chosen by hand; not fitted."""
 
 Int8Array = npt.NDArray[np.int8]
@@ -127,7 +127,7 @@ def _notes_on_implausible_flag(flag: FlagOverTime, topic: str, condition: Condit
     notes = []
     if flag.is_set[0]:
         notes.append(f"{topic}: set in its first message: when that warning was raised is not known, it is not judged")
-    if share > MAX_PLAUSIBLE_SET_SHARE:
+    if share > MAX_SET_SHARE_OF_WARNING_FLAG:
         notes.append(f"{topic}: `{condition.text}` holds in {100 * share:.0f} % of {n} messages: is it a warning?")
     return notes
 

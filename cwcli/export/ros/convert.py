@@ -16,7 +16,12 @@ from cwcli.logs.encoders.cdr_fit import unrepresentable_row_masks
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from cwcli.logs.write.profile import matches_ros_profile
-from cwcli.pipeline.records import ORIGIN_NAMES, RUN_RECORD_PREFIX, local_map_from_estimate_record, read_run_records
+from cwcli.pipeline.records import (
+    MAP_ORIGIN_ENTRY_NAMES,
+    RUN_RECORD_PREFIX,
+    local_map_from_estimate_record,
+    read_run_records,
+)
 from cwcli.signals.columns import OutputChannel, select_column_rows
 from cwcli.signals.geodesy import LocalMap
 from cwcli.version import __version__
@@ -25,7 +30,7 @@ ROS_PROFILE = "ros2"
 """Profile of an MCAP file that holds ROS 2 messages only."""
 ROS_TOPIC_PREFIX = f"{OWN_TOPIC_PREFIX}ros/"
 """Beginning of converted topics; no command reads topics below it as measurements or as results of a stage."""
-METADATA_RECORD = "cwcli.export.ros2"
+MAP_ORIGIN_RECORD_NAME = "cwcli.export.ros2"
 """Name of the metadata record that holds the map's origin."""
 FORBIDDEN_TOPIC_CHARACTERS = re.compile("[^A-Za-z0-9_/]")
 """Pattern of the characters that a ROS topic may not hold (design.ros2.org, topic and service names)."""
@@ -97,9 +102,9 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
         log,
         converted,
         {
-            METADATA_RECORD: {
+            MAP_ORIGIN_RECORD_NAME: {
                 "cwcli": __version__,
-                **{name: estimated[name] for name in ORIGIN_NAMES if name in estimated},
+                **{name: estimated[name] for name in MAP_ORIGIN_ENTRY_NAMES if name in estimated},
             }
         },
         target,

@@ -25,9 +25,11 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.can import MAX_FRAME_BYTES, DbcMessage, decode_all_signals, load_dbc_messages
 from cwcli.signals.units import NS_PER_S
 
-CANDUMP = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
+CANDUMP_LINE_PATTERN = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
 """Pattern of a line that `candump -l` writes: time, bus, identifier and data."""
-ASC_HEADER = re.compile(r"^(date\s|base\s+(hex|dec)\b|\d+\.\d+\s+(\d+|CANFD)\s+[0-9A-Fa-f]+x?\s+[RT]x)", re.IGNORECASE)
+ASC_HEADER_PATTERN = re.compile(
+    r"^(date\s|base\s+(hex|dec)\b|\d+\.\d+\s+(\d+|CANFD)\s+[0-9A-Fa-f]+x?\s+[RT]x)", re.IGNORECASE
+)
 """A line near the start of an ASC trace."""
 N_ASC_HEAD_LINES = 5
 """Number of lines at the start of an ASC trace in which it tells what its times count from. Chosen by hand."""
@@ -46,13 +48,13 @@ class FramesOfMessage:
 
 def accepts_candump(head: FileHead) -> bool:
     """Tell whether the lines are those of candump."""
-    return bool(head.lines) and bool(CANDUMP.match(head.lines[0]))
+    return bool(head.lines) and bool(CANDUMP_LINE_PATTERN.match(head.lines[0]))
 
 
 def accepts_asc(head: FileHead) -> bool:
     """Tell whether the lines are those of an ASC trace."""
     lines = head.lines[:5]
-    return sum(bool(ASC_HEADER.match(line)) for line in lines) >= 2
+    return sum(bool(ASC_HEADER_PATTERN.match(line)) for line in lines) >= 2
 
 
 def accepts_blf(head: FileHead) -> bool:

@@ -10,7 +10,9 @@ from cwcli.importing.readers.delimited import read_delimited_table
 from cwcli.importing.readers.phone import is_phone_recording_table, stem_of_table, with_phone_units_and_time_base
 from cwcli.importing.tables import Answers, Preset, SourceTable
 
-OWN_COLUMNS = frozenset({"log_time_ns", "stamp_ns", "heading_rad", "speed_mps", "yaw_rate_radps", "x_m", "y_m"})
+COLUMNS_OF_EXPORTED_STATES = frozenset(
+    {"log_time_ns", "stamp_ns", "heading_rad", "speed_mps", "yaw_rate_radps", "x_m", "y_m"}
+)
 """Columns that every exported table of states has."""
 _PRESETS = {
     "stamp_ns": Preset("time", "ns"),
@@ -27,7 +29,7 @@ _PRESETS = {
 
 def with_presets_if_cwcli_table(table: SourceTable) -> SourceTable:
     """Return the table with the meaning of its columns, if cwcli wrote it."""
-    if not set(table.columns) >= OWN_COLUMNS:
+    if not set(table.columns) >= COLUMNS_OF_EXPORTED_STATES:
         return table
     return replace(
         table, kind="cwcli table", presets={name: each for name, each in _PRESETS.items() if name in table.columns}

@@ -12,14 +12,14 @@ from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited_table
 from cwcli.importing.tables import Answers, Preset, SourceTable
 
-_QUANTITIES = {
+_PRESET_BY_COLUMN = {
     "timestamp": Preset("time", "ns"),
     **{f"p_RS_R_{axis}": Preset(axis, "m") for axis in "xyz"},
     **{f"q_RS_{axis}": Preset(f"quaternion_{axis}") for axis in "xyzw"},
     **{f"w_RS_S_{axis}": Preset(f"gyro_{axis}", "radps") for axis in "xyz"},
     **{f"a_RS_S_{axis}": Preset(f"accel_{axis}", "mps2") for axis in "xyz"},
 }
-_IGNORED = ("v_RS_R_", "b_w_RS_S_", "b_a_RS_S_")
+_IGNORED_COLUMNS = ("v_RS_R_", "b_w_RS_S_", "b_a_RS_S_")
 """Velocities in the axes of the world and biases: not read."""
 
 
@@ -33,9 +33,9 @@ def _read_euroc_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     presets = {}
     for column in table.columns:
         name = column.split("[")[0].strip()
-        if name in _QUANTITIES:
-            presets[column] = _QUANTITIES[name]
-        elif name.startswith(_IGNORED):
+        if name in _PRESET_BY_COLUMN:
+            presets[column] = _PRESET_BY_COLUMN[name]
+        elif name.startswith(_IGNORED_COLUMNS):
             presets[column] = Preset("ignored")
     return [replace(table, presets=presets)]
 

@@ -31,7 +31,7 @@ PLANE_ORIGIN_LATITUDE_LONGITUDE_DEG = (52.0, 10.0)
 MAX_MAGNITUDE_OF_VEHICLE_NUMBER = 1e10
 """Greatest size of a time, place, angle or speed of a simulated vehicle. Chosen by hand: ten thousand times the size of
 a map."""
-ROWS = ("time", "x", "y", "angle", "speed")
+READ_ATTRIBUTES = ("time", "x", "y", "angle", "speed")
 """The time, and the attributes of a vehicle at a step that are read."""
 OTHER_VEHICLES_TOPIC = "/v2x/bsm"
 """Topic of the others' messages."""
@@ -96,7 +96,7 @@ def _read_rows_by_vehicle(path: str) -> dict[str, list[tuple[float, ...]]]:
                 if time_s < 0.0 or MAX_STAMP_NS / NS_PER_S < time_s < np.inf:
                     raise DataError(f"a time step is at {time_s:g} s", where=path, hint="SUMO's times begin at 0")
             elif element.tag == "vehicle" and event == "end":
-                row = [float(element.get(name, "nan")) for name in ROWS[1:]]
+                row = [float(element.get(name, "nan")) for name in READ_ATTRIBUTES[1:]]
                 if np.isfinite([time_s, *row[:2]]).all():
                     vehicles.setdefault(element.get("id", ""), []).append((time_s, *row))
     except ValueError as error:

@@ -14,9 +14,9 @@ from cwcli.importing.readers.delimited import read_delimited_table
 from cwcli.importing.tables import Answers, Preset, SourceTable
 from cwcli.importing.text_file import iter_text_lines
 
-WANTED = ("Fix", "UncalAccel", "UncalGyro", "Accel", "Gyro")
+READ_LINE_KINDS = ("Fix", "UncalAccel", "UncalGyro", "Accel", "Gyro")
 """First cells of the lines that are read."""
-PROVIDERS = ("GPS", "gps", "FLP", "fused", "NLP", "network")
+POSITION_PROVIDERS = ("GPS", "gps", "FLP", "fused", "NLP", "network")
 """Providers of positions, the best first."""
 _PRESETS = {
     "UnixTimeMillis": Preset("time", "ms"),
@@ -55,9 +55,9 @@ def _read_gnsslogger_tables(path: str, answers: Answers) -> Sequence[SourceTable
     rows: dict[str, bytearray] = {}
     for line in iter_text_lines(path):
         word, _, rest = line.lstrip("# ").partition(",")
-        if line.startswith("#") and word in WANTED:
+        if line.startswith("#") and word in READ_LINE_KINDS:
             names[word] = rest.strip()
-        elif word in WANTED and word in names:
+        elif word in READ_LINE_KINDS and word in names:
             row = rest if rest.endswith("\n") else f"{rest}\n"
             rows.setdefault(word, bytearray(f"{names[word]}\n".encode())).extend(row.encode())
     if not rows:
@@ -86,7 +86,7 @@ def _rows_of_best_provider_and_note(data: bytes) -> tuple[bytes, str]:
     """Return the line of names with the positions of one provider, and which one it is."""
     names, *rows = data.splitlines(keepends=True)
     found = {row.partition(b",")[0].decode() for row in rows}
-    best = next((name for name in PROVIDERS if name in found), min(found))
+    best = next((name for name in POSITION_PROVIDERS if name in found), min(found))
     provider_rows = [row for row in rows if row.startswith(f"{best},".encode())]
     others = ", ".join(sorted(found - {best}))
     return b"".join([names, *provider_rows]), f"positions of {best}" + (

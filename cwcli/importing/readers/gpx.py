@@ -16,7 +16,7 @@ from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable
 
 TRACK_POINTS_PER_BATCH = 50_000
 """Number of track points in a batch of rows. Chosen by hand: a batch takes a few megabytes."""
-PRESETS = {
+PRESET_BY_COLUMN = {
     "time": Preset("time"),
     "lat": Preset("latitude", "deg"),
     "lon": Preset("longitude", "deg"),
@@ -49,7 +49,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
             where=path,
             hint="export the recorded activity with its times",
         )
-    columns = tuple(name for name in PRESETS if name in {"time", "lat", "lon"} or name in found)
+    columns = tuple(name for name in PRESET_BY_COLUMN if name in {"time", "lat", "lon"} or name in found)
     notes: list[str] = []
 
     def read(names: Sequence[str]) -> Iterator[Batch]:
@@ -66,7 +66,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
         if rows:
             yield {name: pa.array([row.get(name, "") for row in rows]) for name in names}
 
-    presets = {name: PRESETS[name] for name in columns}
+    presets = {name: PRESET_BY_COLUMN[name] for name in columns}
     if "course" in presets:
         presets["course"] = Preset("course", "deg-cw-north")
     return [SourceTable(path, "", "gpx", columns, read, presets=presets, notes=notes)]
@@ -117,7 +117,7 @@ def _texts_by_field_of_point(point: Any) -> dict[str, str]:
     fields = {"lat": point.get("lat", ""), "lon": point.get("lon", "")}
     for child in point.iter():
         tag = child.tag.rpartition("}")[2]
-        if tag in PRESETS and child.text and tag not in fields:
+        if tag in PRESET_BY_COLUMN and child.text and tag not in fields:
             fields[tag] = child.text.strip()
     return fields
 

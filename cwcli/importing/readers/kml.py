@@ -14,14 +14,14 @@ from cwcli.importing.bounded_xml import iter_xml_events
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Preset, SourceTable
 
-PRESETS = {
+PRESET_BY_COLUMN = {
     "when": Preset("time"),
     "latitude": Preset("latitude", "deg"),
     "longitude": Preset("longitude", "deg"),
     "height": Preset("altitude", "m"),
 }
 """Column -> the quantity and unit that the format fixes."""
-MAX_POINTS = 5_000_000
+MAX_TRACK_POINTS = 5_000_000
 """Greatest number of points: six days at 10 Hz. Chosen by hand."""
 
 
@@ -50,8 +50,8 @@ def _read_kml_table(path: str, answers: Answers) -> Sequence[SourceTable]:
                 raise DataError(
                     f"a track has {len(whens)} times and {len(coordinates)} places", where=path, hint="export it again"
                 )
-        if len(whens) > MAX_POINTS:
-            raise InputError(f"it has more than {MAX_POINTS:,} points", where=path)
+        if len(whens) > MAX_TRACK_POINTS:
+            raise InputError(f"it has more than {MAX_TRACK_POINTS:,} points", where=path)
     if not n_tracks or not coordinates:
         raise InputError(
             "it is KML without a track that has times, which is not imported",
@@ -64,7 +64,7 @@ def _read_kml_table(path: str, answers: Answers) -> Sequence[SourceTable]:
         name: each for name, each in arrays.items() if name != "height" or np.isfinite(places[:, 2]).any()
     }
     notes = [f"{n_tracks} tracks are read as one drive"] if n_tracks > 1 else []
-    presets = {name: PRESETS[name] for name in columns_with_values}
+    presets = {name: PRESET_BY_COLUMN[name] for name in columns_with_values}
     return [SourceTable.of_arrays(path, "", "kml", columns_with_values, presets=presets, notes=notes)]
 
 

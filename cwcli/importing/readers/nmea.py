@@ -27,13 +27,13 @@ NS_PER_DAY = 86_400 * NS_PER_S
 """Number of nanoseconds in a day."""
 NMEA_SENTENCE_PATTERN = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*(\*[0-9A-Fa-f]{2}|,)")
 """Pattern of an NMEA sentence, with or without its checksum."""
-COLUMNS = {
+COLUMNS_BY_TABLE = {
     "position": ("latitude_deg", "longitude_deg", "altitude_m"),
     "velocity": ("speed_mps", "course_deg"),
     "heading": ("course_deg",),
 }
 """Table -> the values of a sentence that it takes."""
-PRESETS = {
+PRESET_BY_COLUMN = {
     "time": Preset("time", "ns"),
     "latitude_deg": Preset("latitude", "deg"),
     "longitude_deg": Preset("longitude", "deg"),
@@ -42,9 +42,9 @@ PRESETS = {
     "course_deg": Preset("course", "deg-cw-north"),
 }
 """Column -> the quantity and unit that the format fixes."""
-TIMED_TYPES = {"RMC", "GGA", "ZDA"}
+SENTENCES_WITH_TIME = {"RMC", "GGA", "ZDA"}
 """The sentences that have a time of their own; the others have that of the last one before them."""
-SOURCES = {"position": ("GGA", "RMC"), "velocity": ("RMC", "VTG"), "heading": ("HDT",)}
+SENTENCES_BY_TABLE = {"position": ("GGA", "RMC"), "velocity": ("RMC", "VTG"), "heading": ("HDT",)}
 """Table -> the sentences that give it, the best first."""
 
 
@@ -96,7 +96,7 @@ def _read_nmea_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
         else:
             notes.append("no sentence has a date: stamps count from midnight (--start names the day)")
     tables: list[SourceTable] = []
-    for name, types in SOURCES.items():
+    for name, types in SENTENCES_BY_TABLE.items():
         kind = next((each for each in types if each in collected.by_type), None)
         if kind is None:
             continue
@@ -113,9 +113,9 @@ def _build_sentence_table(
     path: str, name: str, sentences: Sentences, stamps: Int64Array, notes: list[str]
 ) -> SourceTable:
     rows = np.frombuffer(sentences.row, np.int64)
-    columns = {"time": stamps[rows], **{key: np.frombuffer(sentences.values[key]) for key in COLUMNS[name]}}
+    columns = {"time": stamps[rows], **{key: np.frombuffer(sentences.values[key]) for key in COLUMNS_BY_TABLE[name]}}
     columns_with_values = {key: values for key, values in columns.items() if key == "time" or np.isfinite(values).any()}
-    presets = {key: PRESETS[key] for key in columns_with_values}
+    presets = {key: PRESET_BY_COLUMN[key] for key in columns_with_values}
     if name == "heading":
         presets["course_deg"] = Preset("heading", "deg-cw-north")
     return SourceTable.of_arrays(path, name, "nmea", columns_with_values, presets=presets, notes=list(notes))
@@ -136,7 +136,7 @@ def _collect_sentence_of_line(collected: CollectedSentences, line: str) -> None:
         return
     has_time = (
         _collect_time_if_sentence_has_one(collected, kind, fields)
-        if kind in TIMED_TYPES
+        if kind in SENTENCES_WITH_TIME
         else bool(len(collected.ns_of_day))
     )
     if kind not in SENTENCE_PARSERS:

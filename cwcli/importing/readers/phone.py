@@ -37,11 +37,11 @@ MAX_UNPACKED_TO_ZIPPED_SIZE_RATIO = 200
 """Largest ratio of a table's size to that in the zip: text of numbers has less than 20."""
 MAX_FILES_IN_ZIP = 1000
 """Largest number of files in a zip. Chosen by hand; not fitted."""
-LOCATIONS = ("location", "locationgps", "gps", "locationnetwork")
+POSITION_TABLES = ("location", "locationgps", "gps", "locationnetwork")
 """Tables of positions, the best first."""
-ACCELERATIONS = ("totalacceleration", "accelerometeruncalibrated", "accelerometer", "acceleration")
+ACCELERATION_TABLES = ("totalacceleration", "accelerometeruncalibrated", "accelerometer", "acceleration")
 """Tables of accelerations, those with gravity first."""
-GYROSCOPES = ("gyroscope", "gyroscopeuncalibrated")
+TURN_RATE_TABLES = ("gyroscope", "gyroscopeuncalibrated")
 """Tables of turn rates, the best first."""
 _SENSOR_LOGGER = {
     "time": Preset("time", "ns"),
@@ -86,7 +86,7 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
     tables = [with_phone_units_and_time_base(table, name, start) for name, table in sources.items()]
     if not tables:
         raise InputError("its tables have no rows", where=path)
-    has_position = any(table.part and stem_of_table(table.part) in LOCATIONS for table in tables)
+    has_position = any(table.part and stem_of_table(table.part) in POSITION_TABLES for table in tables)
     if not has_position:
         tables[0].notes.append("the recording has no location")
     return tables
@@ -117,7 +117,7 @@ def _archive_members_by_table_name(archive: zipfile.ZipFile, path: str) -> dict[
 def _names_of_tables_to_read(members: dict[str, zipfile.ZipInfo]) -> list[str]:
     """Return the names of the tables to read: one of positions, one of accelerations, one of turn rates."""
     table_names = []
-    for choices in (LOCATIONS, ACCELERATIONS, GYROSCOPES):
+    for choices in (POSITION_TABLES, ACCELERATION_TABLES, TURN_RATE_TABLES):
         table_names += [name for name in choices if name in members][:1]
     if "accelerometer" in table_names and "gravity" in members:
         table_names.append("gravity")
@@ -200,21 +200,21 @@ def with_phone_units_and_time_base(table: SourceTable, name: str, start: bytes) 
     is_sensor_logger = {"time", "seconds_elapsed"} <= columns or name == "totalacceleration"
     presets: dict[str, Preset] = {}
     if is_sensor_logger:
-        if name in LOCATIONS:
+        if name in POSITION_TABLES:
             presets = {column: _SENSOR_LOGGER.get(column, Preset("ignored")) for column in table.columns}
         else:
-            kind, unit = ("gyro", "radps") if name in GYROSCOPES else ("accel", "mps2")
+            kind, unit = ("gyro", "radps") if name in TURN_RATE_TABLES else ("accel", "mps2")
             presets = {axis: Preset(f"{kind}_{axis}", unit) for axis in "xyz"} | {"time": Preset("time", "ns")}
             presets |= {column: Preset("ignored") for column in columns if column not in presets}
         return replace(table, kind="sensor logger", presets=presets, is_device_frame=True, attitude_is_of_device=True)
     for column in table.columns:
         words = split_name(column).words
-        if len(words) == 1 and words[0] in {"x", "y", "z"} and name in {*ACCELERATIONS, *GYROSCOPES}:
-            kind, unit = ("gyro", "radps") if name in GYROSCOPES else ("accel", "mps2")
+        if len(words) == 1 and words[0] in {"x", "y", "z"} and name in {*ACCELERATION_TABLES, *TURN_RATE_TABLES}:
+            kind, unit = ("gyro", "radps") if name in TURN_RATE_TABLES else ("accel", "mps2")
             presets[column] = Preset(f"{kind}_{words[0]}", unit)
-        elif name in LOCATIONS and words[:1] == ("velocity",):
+        elif name in POSITION_TABLES and words[:1] == ("velocity",):
             presets[column] = Preset("speed", "mps")
-        elif name in LOCATIONS and words[:1] == ("direction",):
+        elif name in POSITION_TABLES and words[:1] == ("direction",):
             presets[column] = Preset("course", "deg-cw-north")
         elif "absolute" in words or "accuracy" in words or "satellites" in words:
             presets[column] = Preset("ignored")
@@ -232,7 +232,7 @@ def is_phone_recording_table(table: SourceTable) -> bool:
     """Tell whether a table is one of a recording of Sensor Logger or phyphox, by its columns and its name."""
     columns = set(table.columns)
     if {"time", "seconds_elapsed"} <= columns:
-        return stem_of_table(table.file) in {*LOCATIONS, *ACCELERATIONS, *GYROSCOPES}
+        return stem_of_table(table.file) in {*POSITION_TABLES, *ACCELERATION_TABLES, *TURN_RATE_TABLES}
     return "Time (s)" in columns and any(
         name.startswith(("Acceleration x (", "Linear Acceleration x (", "Gyroscope x (", "Latitude (°)"))
         for name in columns

@@ -25,9 +25,9 @@ from cwcli.importing.times import (
 from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S
 from cwcli.signals.units import NS_PER_S
 
-NAMES = re.compile(r"%\s+(?P<scale>GPST|UTC|JST)\s+(?P<names>\S.*)")
+NAME_LINE_PATTERN = re.compile(r"%\s+(?P<scale>GPST|UTC|JST)\s+(?P<names>\S.*)")
 """The line of names: the time, and the names of the other columns."""
-PRESETS = {
+PRESET_BY_COLUMN = {
     "latitude(deg)": Preset("latitude", "deg"),
     "longitude(deg)": Preset("longitude", "deg"),
     "height(m)": Preset("altitude", "m"),
@@ -45,7 +45,7 @@ JST_OFFSET_S = 9 * 3600
 def _line_of_names(lines: Sequence[str]) -> tuple[int, str, list[str]] | None:
     """Return number, time scale and names of the line of names."""
     for k, line in enumerate(lines):
-        found = NAMES.match(line)
+        found = NAME_LINE_PATTERN.match(line)
         if found:
             return k, found["scale"], re.findall(r"\S+(?:\([^)]*\))?", found["names"])
     return None
@@ -79,7 +79,7 @@ def _read_rtklib_table(path: str, answers: Answers) -> Sequence[SourceTable]:
             )
             yield {**{name: batch[name] for name in plain}, **columns_read}
 
-    presets = {name: PRESETS.get(name, Preset("ignored")) for name in names}
+    presets = {name: PRESET_BY_COLUMN.get(name, Preset("ignored")) for name in names}
     presets[STAMP] = Preset("time", "ns")
     notes.append({"GPST": "GPS time, converted to UTC", "JST": "Japan's time, converted to UTC"}.get(scale, "UTC"))
     return [SourceTable(path, "", "rtklib", (STAMP, *names), read, presets=presets, notes=notes)]

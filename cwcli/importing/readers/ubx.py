@@ -27,14 +27,14 @@ NAV_PVT_CLASS_AND_NUMBER = b"\x01\x07"
 """Class and number of the message NAV-PVT (u-blox M8 protocol specification, 32.17.14)."""
 UBX_MESSAGE_HEAD_STRUCT = struct.Struct("<2s2sH")
 """The beginning of a message: sync bytes, class and number, length of the payload."""
-CHECKSUM_BYTES = 2
+UBX_CHECKSUM_BYTES = 2
 """The number of bytes of the checksum behind the payload."""
 NAV_PVT_PAYLOAD_STRUCT = struct.Struct("<4xH5BB4xiBB2x4i8x2i")
 """The used fields of NAV-PVT: year, month, day, hour, minute, second, valid, nano, fixType, flags, longitude, latitude,
 height, height above the sea, north and east velocity."""
 MIN_NAV_PVT_PAYLOAD_BYTES = 84
 """The least length of NAV-PVT: that of u-blox 7; later receivers send 92 bytes."""
-MAX_UBX_MESSAGE_BYTES = UBX_MESSAGE_HEAD_STRUCT.size + 0xFFFF + CHECKSUM_BYTES
+MAX_UBX_MESSAGE_BYTES = UBX_MESSAGE_HEAD_STRUCT.size + 0xFFFF + UBX_CHECKSUM_BYTES
 """The greatest length of a message."""
 BYTES_READ_AT_ONCE = 1 << 20
 """Number of bytes that are read at a time, 1 MiB. Chosen by hand."""
@@ -43,7 +43,7 @@ DATE_AND_TIME_VALID, FIX_OK = 0b11, 0b1
 LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX = 0, 5
 """Values of the field fixType of NAV-PVT that have no position: no fix, and time only (u-blox protocol
 specification)."""
-PRESETS = {
+PRESET_BY_COLUMN = {
     "time": Preset("time", "ns"),
     "latitude": Preset("latitude", "deg"),
     "longitude": Preset("longitude", "deg"),
@@ -68,10 +68,10 @@ def _read_ubx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
         )
     table = np.array(rows, np.float64)
     stamps = np.array([row[0] for row in rows], np.int64)
-    columns: dict[str, Any] = {name: table[:, k] for k, name in enumerate(PRESETS)}
+    columns: dict[str, Any] = {name: table[:, k] for k, name in enumerate(PRESET_BY_COLUMN)}
     columns["time"] = stamps
     notes = [f"{reason}: {n} messages" for reason, n in counts.items()]
-    return [SourceTable.of_arrays(path, "NAV-PVT", "ubx", columns, presets=PRESETS, notes=notes)]
+    return [SourceTable.of_arrays(path, "NAV-PVT", "ubx", columns, presets=PRESET_BY_COLUMN, notes=notes)]
 
 
 def _read_solutions_and_count_skipped(path: str) -> tuple[list[tuple[float, ...]], Counter[str]]:
@@ -105,11 +105,11 @@ def _find_solution_payloads_damaged_count_and_next_place(data: bytes, stop: int)
     octets = np.frombuffer(data, np.uint8).astype(np.int64)
     starts = np.flatnonzero((octets[:-1] == UBX_SYNC_BYTES[0]) & (octets[1:] == UBX_SYNC_BYTES[1]))
     starts = starts[(starts < stop) & (starts + UBX_MESSAGE_HEAD_STRUCT.size <= len(octets))]
-    ends = starts + UBX_MESSAGE_HEAD_STRUCT.size + octets[starts + 4] + 256 * octets[starts + 5] + CHECKSUM_BYTES
+    ends = starts + UBX_MESSAGE_HEAD_STRUCT.size + octets[starts + 4] + 256 * octets[starts + 5] + UBX_CHECKSUM_BYTES
     is_solution = (octets[starts + 2] == NAV_PVT_CLASS_AND_NUMBER[0]) & (
         octets[starts + 3] == NAV_PVT_CLASS_AND_NUMBER[1]
     )
-    is_solution &= ends - starts >= UBX_MESSAGE_HEAD_STRUCT.size + MIN_NAV_PVT_PAYLOAD_BYTES + CHECKSUM_BYTES
+    is_solution &= ends - starts >= UBX_MESSAGE_HEAD_STRUCT.size + MIN_NAV_PVT_PAYLOAD_BYTES + UBX_CHECKSUM_BYTES
     is_sound = ends <= len(octets)
     is_sound[is_sound] = _have_right_checksums(octets, starts[is_sound], ends[is_sound])
     damaged = starts[is_solution & ~is_sound]
@@ -123,7 +123,7 @@ def _find_solution_payloads_damaged_count_and_next_place(data: bytes, stop: int)
         if len(damaged):
             n_inside += int(np.searchsorted(damaged, end) - np.searchsorted(damaged, start))
         if has_position:
-            payloads.append(data[start + UBX_MESSAGE_HEAD_STRUCT.size : end - CHECKSUM_BYTES])
+            payloads.append(data[start + UBX_MESSAGE_HEAD_STRUCT.size : end - UBX_CHECKSUM_BYTES])
     return payloads, len(damaged) - n_inside, max(at, stop)
 
 
@@ -131,7 +131,7 @@ def _have_right_checksums(octets: Int64Array, starts: Int64Array, ends: Int64Arr
     """Tell of each message whether its checksum is right: the 8-bit Fletcher algorithm of RFC 1145, by running sums."""
     sums = np.concatenate([[0], np.cumsum(octets)])
     weighted = np.concatenate([[0], np.cumsum(octets * np.arange(len(octets)))])
-    begin, end = starts + len(UBX_SYNC_BYTES), ends - CHECKSUM_BYTES
+    begin, end = starts + len(UBX_SYNC_BYTES), ends - UBX_CHECKSUM_BYTES
     first = sums[end] - sums[begin]
     second = end * first - (weighted[end] - weighted[begin])
     is_right: BoolArray = (first & 0xFF == octets[end]) & (second & 0xFF == octets[end + 1])

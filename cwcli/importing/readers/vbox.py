@@ -25,9 +25,9 @@ from cwcli.signals.units import NS_PER_S
 
 NS_PER_DAY = 86_400 * NS_PER_S
 """Number of nanoseconds in a day."""
-DATE = re.compile(r"File created on (\d{1,2})/(\d{1,2})/(\d{4})")
+DATE_LINE_PATTERN = re.compile(r"File created on (\d{1,2})/(\d{1,2})/(\d{4})")
 """The first line; the day comes first."""
-MINUTES = {
+QUANTITY_AND_SIGN_BY_MINUTES_COLUMN = {
     "lat": ("latitude", 1.0),
     "latitude": ("latitude", 1.0),
     "long": ("longitude", -1.0),
@@ -71,14 +71,22 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
             for name in columns:
                 if name == "time":
                     columns_read[name] = _stamps_ns(batch[name], last_ns) + day_ns
-                elif name in MINUTES:
-                    columns_read[name] = read_number_cells_and_count_bad(batch[name], ".")[0] / 60.0 * MINUTES[name][1]
+                elif name in QUANTITY_AND_SIGN_BY_MINUTES_COLUMN:
+                    columns_read[name] = (
+                        read_number_cells_and_count_bad(batch[name], ".")[0]
+                        / 60.0
+                        * QUANTITY_AND_SIGN_BY_MINUTES_COLUMN[name][1]
+                    )
                 else:
                     columns_read[name] = batch[name]
             yield columns_read
 
     presets = {"time": Preset("time", "ns")}
-    presets |= {name: Preset(MINUTES[name][0], "deg") for name in names if name in MINUTES}
+    presets |= {
+        name: Preset(QUANTITY_AND_SIGN_BY_MINUTES_COLUMN[name][0], "deg")
+        for name in names
+        if name in QUANTITY_AND_SIGN_BY_MINUTES_COLUMN
+    }
     speed = next((line for line in _section(lines, "[header]") if line.startswith("velocity")), "")
     unit = SPEED_UNITS.get(speed.removeprefix("velocity").strip(" []()").replace("/", ""), "")
     presets |= {"velocity": Preset("speed", unit or find_unit(speed.removeprefix("velocity"), "speed"))}
@@ -92,7 +100,7 @@ def _day_and_notes(lines: Sequence[str], answers: Answers) -> tuple[int, list[st
     """Return midnight of the first day in ns since 1970, and what to say about it."""
     if answers.start:
         return parse_start_ns(answers.start) // NS_PER_DAY * NS_PER_DAY, ["on the day of --start"]
-    found = next((each for line in lines[:5] if (each := DATE.search(line))), None)
+    found = next((each for line in lines[:5] if (each := DATE_LINE_PATTERN.search(line))), None)
     if found is None:
         return 0, ["the file has no date: stamps count from midnight (--start names the day)"]
     day, month, year = (int(each) for each in found.groups())

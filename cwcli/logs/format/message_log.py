@@ -26,11 +26,11 @@ MIN_BYTES_OF_FULL_CHUNK = 1 << 20
 """The size in bytes beyond which a chunk is written, as in the official library."""
 MAX_SEQUENCE = 0xFFFFFFFF
 """The greatest sequence number of a message: the format has 32 bits for it (MCAP specification)."""
-_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_PREFIX_STRUCT = struct.Struct("<BQHIQQ")
 """A message record before its payload: opcode, length, channel, sequence, log and publish time (MCAP specification)."""
 _MESSAGE_FIELDS_BYTES = 22
 """The size of the fields behind the length."""
-_ENTRY = struct.Struct("<QQ")
+_INDEX_ENTRY_STRUCT = struct.Struct("<QQ")
 """An entry of a message index: log time in ns, and offset in the chunk (MCAP specification)."""
 
 
@@ -87,7 +87,7 @@ class MessageLog:
         """Add a message; its publish time is its log time."""
         sequence = self._counts.get(channel_id, 0)
         self._counts[channel_id] = sequence + 1
-        entry = _ENTRY.pack(log_time_ns, self._n_bytes)
+        entry = _INDEX_ENTRY_STRUCT.pack(log_time_ns, self._n_bytes)
         entries = self._entries.get(channel_id)
         if entries is None:
             self._entries[channel_id] = [entry]
@@ -95,7 +95,9 @@ class MessageLog:
             entries.append(entry)
         n = _MESSAGE_FIELDS_BYTES + len(payload)
         sequence &= MAX_SEQUENCE
-        self._pieces.append(_MESSAGE.pack(Opcode.MESSAGE, n, channel_id, sequence, log_time_ns, log_time_ns))
+        self._pieces.append(
+            _MESSAGE_PREFIX_STRUCT.pack(Opcode.MESSAGE, n, channel_id, sequence, log_time_ns, log_time_ns)
+        )
         self._pieces.append(payload)
         self._times_ns.append(log_time_ns)
         self._n_bytes += n + 9

@@ -26,7 +26,7 @@ from cwcli.signals.units import NS_PER_S
 if TYPE_CHECKING:
     from cwcli.logs.read.channels import ChannelInfo
 
-DATA_FIELD = "data"
+IMAGE_DATA_FIELD = "data"
 """The field with the bytes of an image, in all supported message types."""
 IMAGE_FIELDS = ("format", "encoding", "width", "height", "step")
 """The fields that describe an image; a message type has some of them."""
@@ -117,7 +117,7 @@ def iter_camera_frames(
         what = f"the channel {channels[0].topic} ({channels[0].schema_name or 'no schema'}) holds no camera frames"
         raise InputError(what, where=name, found=tuple(sorted(IMAGE_SCHEMAS)), hint="these schemas can be read")
     fields = {*IMAGE_FIELDS, *FRAME_ID_FIELDS, *chain.from_iterable(STAMP_FIELD_PAIRS)}
-    decoder = make_channel_decoder(channels[0], fields, name, blobs=(DATA_FIELD,))
+    decoder = make_channel_decoder(channels[0], fields, name, blobs=(IMAGE_DATA_FIELD,))
     return _iter_frames_in_time_order(reader, channels, _FrameDecoder(decoder, channels[0], faults), spans_ns)
 
 
@@ -147,7 +147,7 @@ class _FrameDecoder:
             self._count_undecodable(reason, count)
         rows = np.flatnonzero(outcome.is_ok)
         fields = self._decoder.build_columns(rows)
-        blobs = self._decoder.blobs_of_last_batch(DATA_FIELD)
+        blobs = self._decoder.blobs_of_last_batch(IMAGE_DATA_FIELD)
         stamps = _message_stamps_ns(fields, len(rows))
         for k, row in enumerate(rows.tolist()):
             data = blobs[row]

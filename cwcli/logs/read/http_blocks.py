@@ -26,13 +26,13 @@ HTTP_BLOCK_BYTES = 1 << 18
 """Bytes that are read at a time, at most. Chosen by hand."""
 MAX_REDIRECTS = 5
 """The greatest number of redirects that are followed. Chosen by hand: stores need one or two."""
-MAX_RESUMPTIONS = 3
+MAX_DOWNLOAD_RESUMPTIONS = 3
 """How often a body that breaks off is asked for again. Chosen by hand."""
 MAX_SHOWN_URL_CHARS = 200
 """The number of characters of a redirect's target that an error shows. Chosen by hand."""
 WEB_SCHEMES = ("http", "https")
 """The schemes that are read here, and to which redirects may lead."""
-GZIP_WINDOW = zlib.MAX_WBITS | 32
+ZLIB_WINDOW_BITS_OF_ANY_STREAM = zlib.MAX_WBITS | 32
 """The window bits with which zlib unpacks gzip and zlib streams of any window (32: it finds out which)."""
 ENCODINGS_OF_ZLIB = ("gzip", "x-gzip", "deflate")
 """Content encodings that are unpacked (RFC 9110, 8.4.1)."""
@@ -61,7 +61,7 @@ def iter_http_blocks(url: str, bounds: ReadBounds) -> Iterator[bytes]:
 def _iter_resumed(url: str, response: Any, bounds: ReadBounds) -> Iterator[bytes]:
     """Yield a body, and where it breaks off, the rest from further requests."""
     version = response.headers.get("ETag", "")
-    n_bytes, left = 0, MAX_RESUMPTIONS
+    n_bytes, left = 0, MAX_DOWNLOAD_RESUMPTIONS
     total = response.length
     while True:
         try:
@@ -111,7 +111,7 @@ def _iter_unpacked(blocks: Iterator[bytes], url: str, bounds: ReadBounds) -> Ite
     Raises:
         InputError: It can't be unpacked, or to more than the bounds allow.
     """
-    unpacker = zlib.decompressobj(GZIP_WINDOW)
+    unpacker = zlib.decompressobj(ZLIB_WINDOW_BITS_OF_ANY_STREAM)
     n_in = n_out = 0
     try:
         for block in blocks:

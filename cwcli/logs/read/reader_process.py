@@ -20,7 +20,7 @@ from cwcli.input import InputFile
 from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 
-FUNCTION = "cwcli.logs.read.reader_child:convert_file_of_request"
+CONVERSION_FUNCTION = "cwcli.logs.read.reader_child:convert_file_of_request"
 """The function that the process runs."""
 MEMORY_BEYOND_START_AND_CHUNK_BYTES = 128_000_000
 """Memory of the process beyond its start and one chunk (`--max-chunk`). Chosen by hand: ordinary bags take 40 MB."""
@@ -72,7 +72,7 @@ def convert_in_process(
         # the process makes the folder when it has seen that it still has a parent, which removes it
         folder = str(Path(tempfile.gettempdir()) / f"cwcli-{secrets.token_hex(8)}")
     try:
-        answer = run_bounded(FUNCTION, request, limits, file.name, descriptors=descriptors, folder=folder)
+        answer = run_bounded(CONVERSION_FUNCTION, request, limits, file.name, descriptors=descriptors, folder=folder)
     finally:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from cwcli.errors import InputError
 from cwcli.url import display_name_of_url, redact_url, redact_urls
 
-MAX_CAUSES = 20
+MAX_EXAMINED_ERRORS_OF_CHAIN = 20
 """The greatest number of errors of one chain that are examined; a chain may lead back to itself. Chosen by hand."""
 HTTP_NOT_ALLOWED, HTTP_NO_SUCH_FILE, HTTP_TRY_LATER = {401, 403, 407}, {404, 410}, {408, 425, 429}
 """The status codes of HTTP by their meaning for a reader (https://www.rfc-editor.org/rfc/rfc9110#section-15)."""
@@ -79,7 +79,7 @@ def _cause_in_brackets(error: BaseException, url: str) -> str:
 
 def _iter_causes(error: BaseException) -> Iterator[BaseException]:
     each: BaseException | None = error
-    for _ in range(MAX_CAUSES):
+    for _ in range(MAX_EXAMINED_ERRORS_OF_CHAIN):
         if each is None:
             return
         yield each

@@ -32,7 +32,7 @@ MAX_NAMES_SHOWN = 5
 """The number of topics, or of their ids, that a note lists. Chosen by hand."""
 MAX_SHOWN_VALUE_CHARS = 80
 """The number of characters of a value from the database that a note shows. Chosen by hand."""
-STORED_COLUMN = 0
+STORED_COLUMN_CODE = 0
 """How `PRAGMA table_xinfo` marks a column that is stored, and neither computed nor hidden."""
 MAX_DEFINITIONS_BYTES = 16_000_000
 """The greatest size of all definitions of a database. Chosen by hand."""
@@ -44,9 +44,9 @@ NEEDED_COLUMNS = {
 """Table -> the columns that must be stored in it; `id` of `messages` is its row."""
 DEFINITION_COLUMNS = {"topic_type", "encoding", "encoded_message_definition"}
 """The columns of the table of definitions that are read."""
-TOO_LONG_NOTE = "messages of more than --max-chunk, not read"
+LONG_MESSAGES_NOTE = "messages of more than --max-chunk, not read"
 """The note on rows that are too long."""
-PACKED_NOTE = "compressed messages that can't be unpacked, or are too large"
+COMPRESSED_MESSAGES_NOTE = "compressed messages that can't be unpacked, or are too large"
 """The note on messages that stay compressed."""
 
 Content = Schema | Channel | tuple[int, int, bytes]
@@ -93,7 +93,7 @@ def iter_database_content(
             payload = decompress_message(payload, min(bounds.max_chunk_bytes, MAX_DECOMPRESSED_MESSAGE_BYTES))
             source.add_compression("zstd")
             if payload is data:
-                source.notes[PACKED_NOTE] = source.notes.get(PACKED_NOTE, 0) + 1
+                source.notes[COMPRESSED_MESSAGES_NOTE] = source.notes.get(COMPRESSED_MESSAGES_NOTE, 0) + 1
         n_left -= len(payload)
         if n_left < 0:
             what = f"its messages unpack to more than {max_bytes / BYTES_PER_GIGABYTE:.3g} GB (at message {row})"
@@ -130,7 +130,7 @@ def _iter_message_rows(
                 last = row
             return
         except sqlite3.DataError:  # longer than SQLITE_LIMIT_LENGTH, which is --max-chunk
-            source.notes[TOO_LONG_NOTE] = source.notes.get(TOO_LONG_NOTE, 0) + 1
+            source.notes[LONG_MESSAGES_NOTE] = source.notes.get(LONG_MESSAGES_NOTE, 0) + 1
             query_next = "SELECT min(rowid) FROM messages NOT INDEXED WHERE rowid > ?"
             (last,) = database.execute(query_next, (last,)).fetchone()
         except sqlite3.DatabaseError:
@@ -146,7 +146,7 @@ def _table_column_names(database: sqlite3.Connection, table: str) -> set[str]:
     if kind is None or kind[0] != "table" or not kind[1]:
         return set()
     columns = database.execute(f"PRAGMA table_xinfo({table})")
-    return {str(column[1]) for column in columns if column[6] == STORED_COLUMN}
+    return {str(column[1]) for column in columns if column[6] == STORED_COLUMN_CODE}
 
 
 def _read_topics(database: sqlite3.Connection) -> list[TopicRow]:

@@ -2,7 +2,7 @@
 
 A host's name that is not found, a server that accepts and says nothing, a header or a file that comes byte by byte:
 the library that reads the store may wait for each without end. So it reads in a thread, which is left behind where
-fewer than `MIN_BYTES_PER_WAIT` bytes come within the time.
+fewer than `MIN_BYTES_PER_TIMEOUT` bytes come within the time.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from contextlib import suppress
 from cwcli.errors import InputError
 from cwcli.url import display_name_of_url
 
-MIN_BYTES_PER_WAIT = 1000
+MIN_BYTES_PER_TIMEOUT = 1000
 """A server that sends fewer bytes within the time counts as stalled. Chosen by hand: a modem sends that each second."""
 MAX_BLOCKS_AHEAD = 4
 """Number of blocks that are read ahead of their use. Chosen by hand: at most 16 MiB."""
@@ -32,7 +32,7 @@ def iter_blocks_or_raise_on_stall(blocks: Iterator[bytes], url: str, timeout_s: 
 
     Args:
         blocks: They are read in a thread.
-        timeout_s: Longest time in seconds until the first block, and in which `MIN_BYTES_PER_WAIT` bytes must come.
+        timeout_s: Longest time in seconds until the first block, and in which `MIN_BYTES_PER_TIMEOUT` bytes must come.
 
     Raises:
         InputError: It stalls.
@@ -46,7 +46,9 @@ def iter_blocks_or_raise_on_stall(blocks: Iterator[bytes], url: str, timeout_s: 
             try:
                 item = items.get(timeout=max(deadline_s - time.monotonic(), 0))
             except queue.Empty:
-                what = f"it can't be read: the server did not send {MIN_BYTES_PER_WAIT:,} bytes within {timeout_s:g} s"
+                what = (
+                    f"it can't be read: the server did not send {MIN_BYTES_PER_TIMEOUT:,} bytes within {timeout_s:g} s"
+                )
                 raise InputError(
                     what, where=display_name_of_url(url), hint="try again later, or wait longer with --timeout"
                 ) from None
@@ -56,7 +58,7 @@ def iter_blocks_or_raise_on_stall(blocks: Iterator[bytes], url: str, timeout_s: 
                 raise item
             n_bytes += len(item)
             yield item
-            if n_bytes >= MIN_BYTES_PER_WAIT:
+            if n_bytes >= MIN_BYTES_PER_TIMEOUT:
                 deadline_s, n_bytes = time.monotonic() + timeout_s, 0
     finally:
         is_left.set()

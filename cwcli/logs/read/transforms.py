@@ -16,7 +16,7 @@ from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.message_reader import MessageReader
 from cwcli.signals.transforms import Transform
 
-LIST_SCHEMAS = frozenset(
+TRANSFORM_LIST_SCHEMAS = frozenset(
     {"tf2_msgs/TFMessage", "tf/tfMessage", "foxglove_msgs/FrameTransforms", "foxglove.FrameTransforms"}
 )
 """The message types with a list of transforms."""
@@ -24,7 +24,7 @@ SINGLE_TRANSFORM_SCHEMAS = frozenset({"foxglove_msgs/FrameTransform", "foxglove.
 """The message types with one transform."""
 READABLE_ENCODINGS = frozenset({"cdr", "protobuf", "json"})
 """The message encodings whose transforms can be read."""
-MAX_MESSAGES_PER_TOPIC = 2000
+MAX_TRANSFORM_MESSAGES_PER_TOPIC = 2000
 """The number of messages that are read of each topic. Chosen by hand."""
 MAX_TRANSFORMS_PER_MESSAGE = 10_000
 """The greatest number of transforms in a message. Chosen by hand."""
@@ -33,13 +33,13 @@ MAX_TRANSFORMS_PER_MESSAGE = 10_000
 def is_transform_channel(channel: ChannelInfo) -> bool:
     """Tell whether a channel holds transforms that can be read."""
     return (
-        _short_schema_name(channel) in LIST_SCHEMAS | SINGLE_TRANSFORM_SCHEMAS
+        _short_schema_name(channel) in TRANSFORM_LIST_SCHEMAS | SINGLE_TRANSFORM_SCHEMAS
         and channel.message_encoding in READABLE_ENCODINGS
     )
 
 
 def iter_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tuple[Transform, ...] | None]:
-    """Yield the transforms of each of the first `MAX_MESSAGES_PER_TOPIC` messages; None for one that can't be read."""
+    """Yield the transforms of each message, at most `MAX_TRANSFORM_MESSAGES_PER_TOPIC`; None for an unreadable one."""
     reader.distrust_indexes_if_miscounted([channel.id])
     payloads = (
         payload
@@ -47,13 +47,13 @@ def iter_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tup
         for batch in batches
         for _, payload in batch.iter_log_times_and_payloads()
     )
-    is_list = _short_schema_name(channel) in LIST_SCHEMAS
+    is_list = _short_schema_name(channel) in TRANSFORM_LIST_SCHEMAS
     absent = dict.fromkeys("xyzw", 0.0) if channel.message_encoding == "protobuf" else None  # zeros are left out there
     try:
         decode = make_tree_decoder(channel)
     except SchemaError:
         decode = None
-    for payload in islice(payloads, MAX_MESSAGES_PER_TOPIC):
+    for payload in islice(payloads, MAX_TRANSFORM_MESSAGES_PER_TOPIC):
         try:
             tree: Any = None if decode is None else decode(bytes(payload))
             messages = tree["transforms"] if is_list else [tree]

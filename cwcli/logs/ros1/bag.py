@@ -25,7 +25,7 @@ from cwcli.logs.ros1.definitions import (
     ros2_definition_text,
 )
 from cwcli.logs.ros1.records import (
-    LENGTH,
+    LENGTH_STRUCT,
     NS_PER_S,
     BagError,
     EndOfRecordsError,
@@ -67,9 +67,9 @@ ANY_CHECKSUM = "*"
 """The checksum of a connection that takes every type."""
 MAX_TYPE_NAME_CHARS = 512
 """The greatest length of a type's name. Chosen by hand."""
-LOST_CHUNKS = "damaged chunks"
+DAMAGED_CHUNKS_NOTE = "damaged chunks"
 """The note on chunks that were read in part or not at all."""
-CUT_NOTE = "a bag without an index, or cut: messages may be missing at its end"
+CUT_BAG_NOTE = "a bag without an index, or cut: messages may be missing at its end"
 """The note on a bag that its recorder did not finish."""
 
 
@@ -165,9 +165,11 @@ class BagReader:
 
     def _record_head_and_data_offset(self, offset: int) -> tuple[RecordHead, int]:
         """Return the head of the record at a place of the file, and the place of its data."""
-        (n,) = LENGTH.unpack(self._read_bytes_at(offset, LENGTH.size))
-        source = PieceSource(iter([self._read_bytes_at(offset, min(n + 2 * LENGTH.size, len(self._file) - offset))]))
-        return take_record_head(source), offset + n + 2 * LENGTH.size
+        (n,) = LENGTH_STRUCT.unpack(self._read_bytes_at(offset, LENGTH_STRUCT.size))
+        source = PieceSource(
+            iter([self._read_bytes_at(offset, min(n + 2 * LENGTH_STRUCT.size, len(self._file) - offset))])
+        )
+        return take_record_head(source), offset + n + 2 * LENGTH_STRUCT.size
 
     def _read_bytes_at(self, at: int, n: int) -> bytes:
         if at + n > len(self._file):
@@ -216,7 +218,7 @@ class BagReader:
                     yield from self._iter_record(take_record_head(source), source)
         except BagError as error:
             if at + head.n_bytes <= len(self._file):  # else the file was cut, which is noted once
-                self._count_damage_or_raise(LOST_CHUNKS, f"{error} (at byte {at})")
+                self._count_damage_or_raise(DAMAGED_CHUNKS_NOTE, f"{error} (at byte {at})")
         finally:
             self._is_in_chunk = False
 
@@ -334,7 +336,7 @@ class BagReader:
     def _add_index(self, head: RecordHead, at: int) -> None:
         """Add the index of one connection's messages in a chunk, whose data are at a place of the file."""
         key = head.header.get(b"conn", b"")
-        if len(key) == LENGTH.size:  # version 1.2 has another one
+        if len(key) == LENGTH_STRUCT.size:  # version 1.2 has another one
             number = int.from_bytes(key, "little")
             source = PieceSource(iter_file_pieces(self._file, at, at + head.n_bytes))
             n_left = head.n_bytes // INDEX_ENTRY_BYTES
@@ -363,8 +365,10 @@ class BagReader:
 
     def _count_missing_end_once(self) -> None:
         """Note, once, that the end of the bag is missing; raise as `_count_damage_or_raise` does."""
-        if CUT_NOTE not in self._source.notes:
-            self._count_damage_or_raise(CUT_NOTE, "it has no index or is cut, as a recorder leaves it that was killed")
+        if CUT_BAG_NOTE not in self._source.notes:
+            self._count_damage_or_raise(
+                CUT_BAG_NOTE, "it has no index or is cut, as a recorder leaves it that was killed"
+            )
 
     def _count_damage_or_raise(self, what: str, detail: str = "", *, hint: str = "") -> None:
         """Count damage.

@@ -44,9 +44,9 @@ MAX_PLAN_BYTES = 256
 """The greatest number of bytes that a plan puts between the pieces. Chosen by hand."""
 ALIGNMENT_PADDING_BY_SIZE = tuple(bytes(n) for n in range(8))
 """The zero bytes of the gap in front of an aligned number in CDR, by the size of the gap in bytes."""
-_LENGTH = struct.Struct("<I")
+_LENGTH_STRUCT = struct.Struct("<I")
 """A length in front of a text or a sequence."""
-_UNPACK_LENGTH = _LENGTH.unpack_from
+_UNPACK_LENGTH = _LENGTH_STRUCT.unpack_from
 """Reads such a length."""
 
 
@@ -338,7 +338,7 @@ class _Conversion:
         """Take a length from the message, and write it."""
         n = self._take_length()
         self.out += ALIGNMENT_PADDING_BY_SIZE[-len(self.out) & 3]
-        self.out += _LENGTH.pack(n)
+        self.out += _LENGTH_STRUCT.pack(n)
         return n
 
     def _copy_text(self) -> None:
@@ -348,7 +348,7 @@ class _Conversion:
         gap = -len(out) & 3
         if gap:
             out += ALIGNMENT_PADDING_BY_SIZE[gap]
-        out += _LENGTH.pack(n + 1)
+        out += _LENGTH_STRUCT.pack(n + 1)
         self._copy_bytes(n)
         out += ALIGNMENT_PADDING_BY_SIZE[1]
 

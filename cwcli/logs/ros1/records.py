@@ -20,9 +20,9 @@ NS_PER_S = 1_000_000_000
 """Nanoseconds in a second."""
 BAG_BYTES_READ_AT_ONCE = 1 << 20
 """Bytes of a file that are read at a time. Chosen by hand."""
-LENGTH = struct.Struct("<I")
+LENGTH_STRUCT = struct.Struct("<I")
 """The length in front of a header, a field, or data."""
-TIME = struct.Struct("<II")
+TIME_STRUCT = struct.Struct("<II")
 """A time: seconds and nanoseconds."""
 CONNECTION_MARK, OP_MARK, TIME_MARK = b"\t\0\0\0conn=", b"\4\0\0\0op=\2", b"\r\0\0\0time="
 """The fields of a message's header as recorders write them, with their lengths, up to their values."""
@@ -158,7 +158,7 @@ def take_length(source: PieceSource, limit: int | None = None) -> int:
     Raises:
         BagError: It exceeds the limit.
     """
-    (n,) = LENGTH.unpack(source.take(LENGTH.size))
+    (n,) = LENGTH_STRUCT.unpack(source.take(LENGTH_STRUCT.size))
     if limit is not None and n > limit:
         raise BagError(f"a header has {n:,} bytes")
     return int(n)
@@ -173,10 +173,10 @@ def parse_header(data: bytes) -> Header:
     header: Header = {}
     at = 0
     while at < len(data):
-        if at + LENGTH.size > len(data):
+        if at + LENGTH_STRUCT.size > len(data):
             raise BagError("a header is no list of fields")
-        (n,) = LENGTH.unpack_from(data, at)
-        at += LENGTH.size
+        (n,) = LENGTH_STRUCT.unpack_from(data, at)
+        at += LENGTH_STRUCT.size
         name, equals, value = data[at : at + n].partition(b"=")
         if not equals or at + n > len(data) or len(header) == MAX_HEADER_FIELDS:
             raise BagError("a header is no list of fields")
@@ -185,7 +185,7 @@ def parse_header(data: bytes) -> Header:
     return header
 
 
-def header_number(header: Header, name: bytes, size: int = LENGTH.size) -> int:
+def header_number(header: Header, name: bytes, size: int = LENGTH_STRUCT.size) -> int:
     """Return a number of a header.
 
     Raises:
@@ -210,9 +210,9 @@ def ros_time_to_ns(value: bytes) -> int:
     Raises:
         BagError: It is none.
     """
-    if len(value) != TIME.size:
+    if len(value) != TIME_STRUCT.size:
         raise BagError("a record has no time")
-    seconds, nanoseconds = TIME.unpack(value)
+    seconds, nanoseconds = TIME_STRUCT.unpack(value)
     return int(seconds) * NS_PER_S + int(nanoseconds)
 
 
@@ -239,12 +239,12 @@ def _chunk_offset_around_mark(file: InputFile, mark: int, start: int) -> int | N
     """Return the place of the chunk whose header has its mark at a place."""
     first = max(start, mark - MAX_CHUNK_HEADER_BYTES)
     window = bytes(file[first : mark + MAX_CHUNK_HEADER_BYTES])
-    for at in range(mark - first - LENGTH.size, -1, -1):
-        (n,) = LENGTH.unpack_from(window, at)
-        end = at + LENGTH.size + n
+    for at in range(mark - first - LENGTH_STRUCT.size, -1, -1):
+        (n,) = LENGTH_STRUCT.unpack_from(window, at)
+        end = at + LENGTH_STRUCT.size + n
         if n <= MAX_CHUNK_HEADER_BYTES and mark - first < end <= len(window):
             try:
-                header = parse_header(window[at + LENGTH.size : end])
+                header = parse_header(window[at + LENGTH_STRUCT.size : end])
             except BagError:
                 continue
             if header.keys() >= {b"op", b"compression", b"size"}:

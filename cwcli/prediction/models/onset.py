@@ -21,9 +21,9 @@ from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.vehicle_state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 
-ACCEL_LIMIT_MPS2 = 5.0
+MANOEUVRE_ACCEL_LIMIT_MPS2 = 5.0
 """Acceleration or braking at which a manoeuvre stops growing: UN Regulation 157 lets emergency braking begin there."""
-LATERAL_ACCEL_LIMIT_MPS2 = 4.0
+MANOEUVRE_LATERAL_ACCEL_LIMIT_MPS2 = 4.0
 """Lateral acceleration at which a turn stops growing: that of a brisk turn. Chosen by hand; not fitted."""
 MIN_YAW_LIMIT_SPEED_MPS = 1.0
 """Least speed in m/s from which the yaw rate's limit is computed; slower cars get the limit of this speed. Chosen by
@@ -56,8 +56,8 @@ def trust_in_derivatives_above_noise(
 
 def times_until_limits_s(state: StateRows, prior: DriverPrior) -> FloatArray:
     """Times at which acceleration and yaw rate reach their limits, s, shape (n, 2); their rates act until then."""
-    yaw_rate_limit = LATERAL_ACCEL_LIMIT_MPS2 / np.maximum(np.abs(state[:, SPEED]), MIN_YAW_LIMIT_SPEED_MPS)
-    limits = (np.full(len(state), ACCEL_LIMIT_MPS2), yaw_rate_limit)
+    yaw_rate_limit = MANOEUVRE_LATERAL_ACCEL_LIMIT_MPS2 / np.maximum(np.abs(state[:, SPEED]), MIN_YAW_LIMIT_SPEED_MPS)
+    limits = (np.full(len(state), MANOEUVRE_ACCEL_LIMIT_MPS2), yaw_rate_limit)
     out = np.empty((len(state), 2))
     for column, (value, rate, limit) in enumerate(
         zip((state[:, ACCEL], state[:, YAW_RATE]), (state[:, JERK], state[:, YAW_ACCEL]), limits, strict=True)

@@ -30,7 +30,7 @@ from cwcli.reproduction.song2016.prediction import starts_and_error_function
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
 
-FIGURE = "q"
+FITTED_NOISE_FIGURE = "q"
 """Name of this part among the figures."""
 PRINTED_SIGMAS = np.array([0.15, 0.1, np.radians(0.21), 0.27 / PERCENT_OF_G_PER_MPS2, np.radians(0.043)])
 """Printed errors of the estimates (song2016, table 1): position, speed, heading, acceleration, yaw rate; SI units."""
@@ -83,11 +83,11 @@ def fitted_noise_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
     fitted = fit_diagonal_noise_sigmas()
     scales = (1.0, 1.0, np.degrees(1.0), PERCENT_OF_G_PER_MPS2, np.degrees(1.0))
     measured = [
-        MeasuredNumber(FIGURE, f"fitted Q: {label} a step", float(value))
+        MeasuredNumber(FITTED_NOISE_FIGURE, f"fitted Q: {label} a step", float(value))
         for label, value in zip(QUANTITY_LABELS.values(), fitted, strict=True)
     ]
     measured += [
-        MeasuredNumber(FIGURE, f"fitted Q: sigma of the {label} at rest", float(scale * value))
+        MeasuredNumber(FITTED_NOISE_FIGURE, f"fitted Q: sigma of the {label} at rest", float(scale * value))
         for label, scale, value in zip(QUANTITY_LABELS.values(), scales, stationary_filter_sigmas(fitted), strict=True)
     ]
     for name in ("straight", "curve"):
@@ -103,7 +103,7 @@ def fitted_noise_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
         for quantity, values in changes.items():
             low, high = normal_interval(np.array(values))
             what = f"{name}: change of the {QUANTITY_LABELS[quantity]} error with the fitted Q"
-            measured.append(MeasuredNumber(FIGURE, what, float(np.mean(values)), low, high))
+            measured.append(MeasuredNumber(FITTED_NOISE_FIGURE, what, float(np.mean(values)), low, high))
     return StudyPart(tuple(measured))
 
 

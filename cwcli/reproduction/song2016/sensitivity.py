@@ -46,10 +46,10 @@ BRAKING_STARTS_S = (3.35, 3.55)
 """Moved starts of the braking, in s. Chosen by hand; not fitted."""
 BRAKING_JERKS_MPS3 = (2.5, 3.5)
 """Moved jerks at the beginning of the braking, in m/s^3. Chosen by hand; not fitted."""
-FRICTIONS = (0.7, 0.8, 0.9)
+FRICTION_COEFFICIENTS = (0.7, 0.8, 0.9)
 """Friction coefficients (1) with which the study is repeated: those of docs/papers/song2016-choices.md, 0.8 and 0.9,
 and one below."""
-MAX_DECELERATION_MPS2 = 8.0
+MAX_LEAD_DECELERATION_MPS2 = 8.0
 """The lead's deceleration where the friction allows it, in m/s^2, as in the scenario."""
 MOMENT_NAMES = ("ideal", "jerk", "acceleration", "speed")
 """Names of the compared moments: the ideal one and the warnings of the three families."""
@@ -87,7 +87,7 @@ def _braking_jerk_variant(jerk_mps3: float) -> ChoiceVariant:
 
 def _friction_variant(friction: float) -> ChoiceVariant:
     """Return the variant with another friction."""
-    braking_mps2 = min(MAX_DECELERATION_MPS2, friction * STANDARD_GRAVITY_MPS2)
+    braking_mps2 = min(MAX_LEAD_DECELERATION_MPS2, friction * STANDARD_GRAVITY_MPS2)
     overrides = (
         f"{BRAKING_SEGMENT_KEY}.accel_mps2={-braking_mps2}",
         f"{STOPPING_SEGMENT_KEY}.limit_mps2={braking_mps2}",
@@ -106,7 +106,7 @@ VARIANTS_BY_SCENARIO: dict[str, tuple[ChoiceVariant, ...]] = {
         ChoiceVariant("as chosen"),
         *map(_braking_start_variant, BRAKING_STARTS_S),
         *map(_braking_jerk_variant, BRAKING_JERKS_MPS3),
-        *map(_friction_variant, FRICTIONS),
+        *map(_friction_variant, FRICTION_COEFFICIENTS),
     ),
     "intersection": (ChoiceVariant("as chosen"), *map(_turn_start_variant, TURN_STARTS_S)),
 }

@@ -12,9 +12,9 @@ from cwcli.signals.columns import FloatArray
 
 PAPER_SINGLE_SENSOR_EXCESS_PCT = {"lidar": (20.0, 150.0), "radar": (50.0, 400.0)}
 """Sensor -> least and largest per cent by which it alone is worse than both (xiang2019, figure 6)."""
-MIN_LARGE_GAIN_PCT = 5.0
+MIN_NAMED_UKF_GAIN_PCT = 5.0
 """Gains of the UKF above this, in per cent, are named. Chosen by hand; not fitted."""
-EQUAL_MSE_PCT = 1.0
+MAX_MSE_DIFFERENCE_OF_EQUAL_FILTERS_PCT = 1.0
 """Filters whose mean square errors differ by less, in per cent, are practically the same.
 Chosen by hand; not fitted."""
 MAX_SEGMENT_RANGE_M = 25.0
@@ -67,11 +67,11 @@ def _sentences_of_radar_scenes(table: Table) -> list[str]:
     gain, sigma = _table_column(table, "gain_pct"), _table_column(table, "azimuth_sigma_deg")
     wins = np.array(table["better"]) == "ukf"
     is_arc = np.array([scene.startswith("arc") for scene in scenes])
-    large = np.flatnonzero(wins & is_arc & (gain > MIN_LARGE_GAIN_PCT))
+    large = np.flatnonzero(wins & is_arc & (gain > MIN_NAMED_UKF_GAIN_PCT))
     where = ", ".join(f"{scenes[k]} with {sigma[k]:g} deg" for k in large) or "none"
     lines = [
         f"Where: radar alone, the UKF wins in {int(wins.sum())} of {len(wins)} scenes; of the arcs it wins by more "
-        f"than {MIN_LARGE_GAIN_PCT:g} % in: {where}."
+        f"than {MIN_NAMED_UKF_GAIN_PCT:g} % in: {where}."
     ]
     lines += [
         f"Where: {scenes[k]}, the UKF's mean square error is {gain[k]:.1f} % lower."
@@ -84,7 +84,7 @@ def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
     """Explain why both filters are alike in the paper's scene; [] if they are not."""
     bend = MAX_SEGMENT_RANGE_M * SCENE_NOISE.azimuth_rad**2 / (2.0 * SCENE_NOISE.range_m)
     if (
-        abs(_ukf_mse_reduction_relative_to_ekf_percent(tables["table_1"])) >= EQUAL_MSE_PCT
+        abs(_ukf_mse_reduction_relative_to_ekf_percent(tables["table_1"])) >= MAX_MSE_DIFFERENCE_OF_EQUAL_FILTERS_PCT
         or bend >= NEGLIGIBLE_BEND_SIGMAS
     ):
         return []

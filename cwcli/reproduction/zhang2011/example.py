@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from cwcli.dynamics.blended import OUTPUT_MATRIX, design_observer_bank
+from cwcli.dynamics.blended import OBSERVER_OUTPUT_MATRIX, design_observer_bank
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.matrix_exponential import transition_and_input_matrices
 from cwcli.dynamics.riccati import steady_predicted_covariance
@@ -189,8 +189,8 @@ def filter_gain_with_curvature_noise(kmh: float) -> FloatArray:
     The car's states v_y and gamma do not depend on the curvature and are stable, so their rows are exactly zero.
     """
     predicted = _predicted_covariance_with_curvature_noise(kmh)
-    innovation = OUTPUT_MATRIX @ predicted @ OUTPUT_MATRIX.T + _lane_noise_covariance()
-    return np.asarray(np.linalg.solve(innovation, OUTPUT_MATRIX @ predicted).T)
+    innovation = OBSERVER_OUTPUT_MATRIX @ predicted @ OBSERVER_OUTPUT_MATRIX.T + _lane_noise_covariance()
+    return np.asarray(np.linalg.solve(innovation, OBSERVER_OUTPUT_MATRIX @ predicted).T)
 
 
 def predictor_gain(kmh: float) -> FloatArray:
@@ -219,7 +219,7 @@ def _predicted_covariance_with_curvature_noise(kmh: float) -> FloatArray:
     """Return the predicted covariance (4, 4) at rest with R1 on the curvature input alone."""
     phi, gamma = _example_transition_and_input(kmh)
     noise = ObserverConfig("zhang2011").process_noise * np.outer(gamma[:, 1], gamma[:, 1])
-    return steady_predicted_covariance(phi, OUTPUT_MATRIX, noise, _lane_noise_covariance())
+    return steady_predicted_covariance(phi, OBSERVER_OUTPUT_MATRIX, noise, _lane_noise_covariance())
 
 
 def _bank_index_of_speed(kmh: float) -> int:

@@ -29,12 +29,12 @@ from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.objective import PAPER_HEIGHT_PX, PAPER_WIDTH_PX, BlockResponses, compute_block_responses
 from cwcli.vision.zhang2011 import (
-    CROSSOVER_RATE,
+    CROSSOVER_PROBABILITY,
     FIRST_LEFT_REGION,
     FIRST_PHASE,
     FIRST_RIGHT_REGION,
     METHOD,
-    MUTATION_RATE,
+    MUTATION_PROBABILITY,
     genetic_settings,
 )
 
@@ -47,12 +47,12 @@ EXAMPLE_ROAD_SET = "complex"
 HIGH_MUTATION_RATE = 0.9
 """A mutation rate that is too high; the paper shows one without printing it. Chosen by hand; not fitted."""
 RATES_BY_FIGURE: dict[str, tuple[float, float]] = {
-    "fig 3": (0.4, MUTATION_RATE),
-    "fig 4": (CROSSOVER_RATE, MUTATION_RATE),
-    "fig 5": (0.5, MUTATION_RATE),
-    "fig 6": (0.8, MUTATION_RATE),
-    "fig 7": (CROSSOVER_RATE, HIGH_MUTATION_RATE),
-    "fig 8": (CROSSOVER_RATE, MUTATION_RATE),
+    "fig 3": (0.4, MUTATION_PROBABILITY),
+    "fig 4": (CROSSOVER_PROBABILITY, MUTATION_PROBABILITY),
+    "fig 5": (0.5, MUTATION_PROBABILITY),
+    "fig 6": (0.8, MUTATION_PROBABILITY),
+    "fig 7": (CROSSOVER_PROBABILITY, HIGH_MUTATION_RATE),
+    "fig 8": (CROSSOVER_PROBABILITY, MUTATION_PROBABILITY),
 }
 """Figure -> rates of crossover and of mutation; the paper's but for `HIGH_MUTATION_RATE`."""
 SHOWN_GENERATIONS = (1, 2, 5, 10, 20, 40, 60, 90, 120, 150, 180)

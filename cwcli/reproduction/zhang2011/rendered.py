@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_POINT_DISTANCE_M, LaneSamples
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
@@ -81,7 +81,7 @@ def sense_rendered_drive(
     camera = camera_with_pitch_error(drive.camera, settings.pitch_error_rad)
     fits = find_lanes_in_drive(drive, camera, method, speed_mps, seed)
     search = camera.with_image_size(*METHODS[method].search_size(camera.width_px, camera.height_px))
-    geometry = compute_lane_geometry(fits, search, preview_m=DEFAULT_PREVIEW_M)
+    geometry = compute_lane_geometry(fits, search, preview_m=DEFAULT_PREVIEW_POINT_DISTANCE_M)
     sensed = replace(
         others,
         index=np.rint(drive.time_s / INTEGRATION_STEP_S).astype(np.intp),

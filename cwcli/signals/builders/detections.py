@@ -18,7 +18,7 @@ MIN_ELEVATION_COSINE = 0.1
 """The least cosine (1) of an elevation: beyond it, a range says nothing about the ground plane. Chosen by hand."""
 POSE_COVARIANCE_XY_INDICES = (0, 1, 6, 7)
 """The indices of xx, xy, yx and yy in a 6 x 6 covariance, row-major."""
-TRIANGLE_XY_INDICES = (0, 1, 1, 3)
+UPPER_TRIANGLE_XY_INDICES = (0, 1, 1, 3)
 """The indices of xx, xy, yx and yy in the upper triangle xx, xy, xz, yy, yz, zz."""
 AUTOWARE_POSE_FIELD_NAMES = ("pose_with_covariance", "initial_pose_with_covariance")
 """The names of the pose fields of Autoware's objects: of detected and tracked objects, and of predicted ones."""
@@ -56,7 +56,7 @@ def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSig
     covariance = np.zeros((len(tracks), 4, 4))
     for name, part in (("position", slice(0, 2)), ("velocity", slice(2, 4))):
         triangle = tracks.read_numbers(f"tracks.{name}_covariance", width=6)
-        covariance[:, part, part] = triangle[:, TRIANGLE_XY_INDICES].reshape(-1, 2, 2)
+        covariance[:, part, part] = triangle[:, UPPER_TRIANGLE_XY_INDICES].reshape(-1, 2, 2)
     return _make_detection_signal(reading, ledger, "radar_track", tracks, values, covariance, read_stamps(columns))
 
 

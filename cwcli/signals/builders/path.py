@@ -11,7 +11,7 @@ from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.elements import Elements, offsets_and_indices_of_selected_sequences
 from cwcli.signals.leaf_fields import read_frame_id, read_stamps
-from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, NOT_FINITE_REASON, OUT_OF_RANGE_REASON
+from cwcli.signals.limits import MAX_COORDINATE_M, MAX_SPEED_MPS, NOT_FINITE_REASON, OUT_OF_RANGE_REASON
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
@@ -78,7 +78,7 @@ def _make_path_signal(
     ledger.reject(points.counts < 2, "fewer than two points")
     with np.errstate(invalid="ignore"):
         ledger.reject(points.sum_per_message((~np.isfinite(x_m + y_m)).astype(np.float64)) > 0, NOT_FINITE_REASON)
-        is_far = (np.abs(x_m) > MAX_POSITION_M) | (np.abs(y_m) > MAX_POSITION_M)
+        is_far = (np.abs(x_m) > MAX_COORDINATE_M) | (np.abs(y_m) > MAX_COORDINATE_M)
         ledger.reject(points.sum_per_message(is_far.astype(np.float64)) > 0, OUT_OF_RANGE_REASON)
         speed_mps = np.where(np.abs(speed_mps) <= MAX_SPEED_MPS, speed_mps, np.nan)
     marks = [

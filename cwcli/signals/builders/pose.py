@@ -32,7 +32,7 @@ from cwcli.signals.leaf_fields import (
     read_vector,
 )
 from cwcli.signals.limits import (
-    MAX_POSITION_M,
+    MAX_COORDINATE_M,
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
     nan_beyond_limit,
@@ -67,7 +67,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]
     position_m = read_vector(columns, f"{base}.position")
     yaw_rad = _read_yaw_unless_identity(columns, ledger, f"{base}.orientation")
     twist = read_twist(columns, ledger, position_m, yaw_rad)
-    reject_rows_beyond_limit(ledger, position_m[:, :2], MAX_POSITION_M)
+    reject_rows_beyond_limit(ledger, position_m[:, :2], MAX_COORDINATE_M)
     covariance = read_matrix(columns, "pose.covariance", 36)
     plane_m2 = usable_plane_covariance_or_nan(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
     heading_variance = usable_variances_or_nan(ledger, covariance[:, 35])
@@ -90,7 +90,7 @@ def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal,
     """Build poses from `cwcli.v1.VehicleState` (the truth channel of a simulated log)."""
     ledger = RowLedger(columns, reading.role)
     position_m = np.stack([read_numbers(columns, "x_m"), read_numbers(columns, "y_m"), np.zeros(len(columns))], axis=1)
-    reject_rows_beyond_limit(ledger, position_m[:, :2], MAX_POSITION_M)
+    reject_rows_beyond_limit(ledger, position_m[:, :2], MAX_COORDINATE_M)
     stamp_ns, has_stamp = read_integers(columns, "stamp_ns")
     heading_rad = wrap_angle(read_numbers(columns, "heading_rad"))
     speed_mps, yaw_rate = read_numbers(columns, "speed_mps"), read_numbers(columns, "yaw_rate_radps")

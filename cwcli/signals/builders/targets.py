@@ -10,7 +10,7 @@ from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, repeat_string
 from cwcli.signals.leaf_fields import find_field, read_frame_id, read_integers, read_numbers, read_texts
-from cwcli.signals.limits import MAX_POSITION_M, reject_rows_beyond_limit
+from cwcli.signals.limits import MAX_COORDINATE_M, reject_rows_beyond_limit
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.vehicle_state import MAP_FRAME
 
@@ -57,7 +57,7 @@ def _make_target_truth_signal(
 ) -> tuple[TargetTruthSignal, Quality]:
     ledger = RowLedger(columns, reading.role)
     x_m, y_m = read_numbers(columns, "x_m"), read_numbers(columns, "y_m")
-    reject_rows_beyond_limit(ledger, np.stack([x_m, y_m], axis=1), MAX_POSITION_M)
+    reject_rows_beyond_limit(ledger, np.stack([x_m, y_m], axis=1), MAX_COORDINATE_M)
     ids = read_texts(columns, "id") or repeat_string(ONLY_TARGET_ID, len(columns))
     stamp_ns, has_stamp = read_integers(columns, "stamp_ns")
     has_stamp &= stamp_ns > 0

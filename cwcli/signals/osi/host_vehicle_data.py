@@ -22,7 +22,7 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.limits import (
     MAX_ALTITUDE_M,
     MAX_ANGLE_RAD,
-    MAX_POSITION_M,
+    MAX_COORDINATE_M,
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
     nan_beyond_limit,
@@ -49,7 +49,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
         ledger.add_note(
             "the position is the middle of the rear axle, not of the vehicle: outlines are shifted accordingly"
         )
-    reject_rows_beyond_limit(ledger, place, MAX_POSITION_M)
+    reject_rows_beyond_limit(ledger, place, MAX_COORDINATE_M)
     yaw_rad = wrap_angle(
         nan_beyond_limit(ledger, read_numbers(columns, f"{part}.orientation.yaw"), MAX_ANGLE_RAD, "yaw")
     )
@@ -127,4 +127,4 @@ def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Qualit
 def _variances_from_rmse(ledger: RowLedger, rmse: FloatArray) -> FloatArray:
     """Squares of root mean squared errors (n,); NaN where not given (0), and where unusable, which is counted."""
     with np.errstate(invalid="ignore", over="ignore"):
-        return usable_variances_or_nan(ledger, np.where((rmse < 0.0) | (rmse > MAX_POSITION_M), np.inf, rmse * rmse))
+        return usable_variances_or_nan(ledger, np.where((rmse < 0.0) | (rmse > MAX_COORDINATE_M), np.inf, rmse * rmse))

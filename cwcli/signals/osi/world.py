@@ -29,8 +29,8 @@ from cwcli.signals.leaf_fields import find_field, read_integers
 from cwcli.signals.limits import (
     MAX_ACCEL_MPS2,
     MAX_ANGLE_RAD,
-    MAX_POSITION_M,
-    MAX_SIZE_M,
+    MAX_COORDINATE_M,
+    MAX_ROAD_USER_SIZE_M,
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
 )
@@ -43,22 +43,22 @@ OSI_FRAME = "osi"
 """The name of the frame of all positions in OSI messages: the axes of the simulated world."""
 VEHICLE_TYPE_CODE = 2
 """The code of `MovingObject.Type.TYPE_VEHICLE`."""
-MIN_MOVED_DISTANCE_M = 1.0
+MIN_DISTANCE_OF_MOVING_OBJECT_M = 1.0
 """The distance in metres from which an object counts as moving. Chosen by hand; not fitted."""
 MIN_COURSE_SPEED_MPS = 0.3
 """The speed in m/s above which an object's velocity says where it is heading. Chosen by hand; not fitted."""
 MAX_SIDEWAYS_SINE = 0.7
 """Greatest sine of the angle between the motion and the axis of a vehicle: that of 45 degrees. Chosen by hand."""
-LIMITS = {
+FIELDS_AND_LIMIT_BY_QUANTITY = {
     "yaw": (("base.orientation.yaw",), MAX_ANGLE_RAD),
     "velocity": (("base.velocity.x", "base.velocity.y"), MAX_SPEED_MPS),
     "acceleration": (("base.acceleration.x", "base.acceleration.y"), MAX_ACCEL_MPS2),
     "yaw rate": (("base.orientation_rate.yaw",), MAX_TURN_RATE_RADPS),
-    "size": (("base.dimension.length", "base.dimension.width"), MAX_SIZE_M),
-    "rear axle": (("vehicle_attributes.bbcenter_to_rear.x",), MAX_SIZE_M),
+    "size": (("base.dimension.length", "base.dimension.width"), MAX_ROAD_USER_SIZE_M),
+    "rear axle": (("vehicle_attributes.bbcenter_to_rear.x",), MAX_ROAD_USER_SIZE_M),
 }
 """Quantity -> its fields in an object, and the largest magnitude that is accepted, in the unit of the field."""
-OF_HOST = (Role.EGO_POSITION, Role.EGO_SPEED, Role.TRUTH)
+HOST_OBJECT_ROLES = (Role.EGO_POSITION, Role.EGO_SPEED, Role.TRUTH)
 """Roles that the host's own object fills; the others are filled by all other objects."""
 OTHER_HOST_REASON, NO_HOST_REASON = "of another host vehicle", "without the host vehicle"
 """The reasons for setting aside a message of another host vehicle, and one without the host vehicle."""
@@ -127,7 +127,7 @@ def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, p
     }
     place = np.stack([values["base.position.x"], values["base.position.y"]], axis=1)
     with np.errstate(invalid="ignore"):
-        is_placed = (np.abs(place) < MAX_POSITION_M).all(axis=1)
+        is_placed = (np.abs(place) < MAX_COORDINATE_M).all(axis=1)
     if not is_placed.all():
         ledger.add_note(f"{np.count_nonzero(~is_placed)} objects without a usable position left out")
     is_first = _first_of_id_in_message_mask(message, ids)
@@ -138,7 +138,7 @@ def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, p
     values = {leaf: column[keep] for leaf, column in values.items()}
     message, ids, place = message[keep], ids[keep], place[keep]
     host = _choose_host_id(columns, reading, ledger, prefix, ids, place, values["type"] == VEHICLE_TYPE_CODE)
-    is_of_role = np.isin(ids, [] if host is None else [np.uint64(host)]) == (reading.role in OF_HOST)
+    is_of_role = np.isin(ids, [] if host is None else [np.uint64(host)]) == (reading.role in HOST_OBJECT_ROLES)
     _blank_out_of_range_values(values, message, is_of_role, ledger)
     keep = ledger.keep[message]
     return _motion_along_and_across_heading(message, ids, host, place, values, keep)
@@ -154,7 +154,7 @@ def _blank_out_of_range_values(
         message: Shape (n,): the row of the object's message.
         is_of_role: Shape (n,): objects that fill the role.
     """
-    for quantity, (leaves, limit) in LIMITS.items():
+    for quantity, (leaves, limit) in FIELDS_AND_LIMIT_BY_QUANTITY.items():
         is_beyond = np.zeros(len(message), np.bool_)
         for leaf in leaves:
             is_beyond |= np.abs(values[leaf]) > limit
@@ -288,7 +288,7 @@ def _smallest_moving_id_and_reason(
     low, high = np.full((len(distinct), 2), np.inf), np.full((len(distinct), 2), -np.inf)
     np.minimum.at(low, inverse, place)
     np.maximum.at(high, inverse, place)
-    moves = (high - low).max(axis=1) > MIN_MOVED_DISTANCE_M
+    moves = (high - low).max(axis=1) > MIN_DISTANCE_OF_MOVING_OBJECT_M
     drives = np.zeros(len(distinct), np.bool_)
     drives[inverse[is_vehicle]] = True
     for chosen, why in (
@@ -327,7 +327,7 @@ def _motion_along_and_across_heading(
     low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
     np.minimum.at(low, owner, place)
     np.maximum.at(high, owner, place)
-    moves = (high - low).max(axis=1, initial=0.0) > MIN_MOVED_DISTANCE_M
+    moves = (high - low).max(axis=1, initial=0.0) > MIN_DISTANCE_OF_MOVING_OBJECT_M
     is_still = is_always_zero(velocity)
     no_velocity = (is_still & moves)[owner]
     with np.errstate(invalid="ignore", over="ignore"):

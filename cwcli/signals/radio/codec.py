@@ -21,7 +21,7 @@ from cwcli.signals.radio import frames, messages, standard_messages
 from cwcli.signals.road_events import RoadEvents, join_road_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
 
-SIGNED_NOTE = "are signed (IEEE 1609.2): their signatures are not verified"
+SIGNED_MESSAGES_NOTE = "are signed (IEEE 1609.2): their signatures are not verified"
 """The note on signed messages."""
 
 J2735_MESSAGE_NAMES_BY_ID: dict[int, str] = {
@@ -127,7 +127,7 @@ def make_radio_codec(form: str) -> V2xCodec:
         _set_aside_messages_not_describing_sender(ledger, found, is_known, form)
         n_signed = int(np.count_nonzero(found.is_signed_mask & ledger.keep))
         if n_signed:
-            ledger.add_note(f"{n_signed} messages {SIGNED_NOTE}")
+            ledger.add_note(f"{n_signed} messages {SIGNED_MESSAGES_NOTE}")
         return decoded_rows
 
     def objects(columns: Columns) -> Objects:
@@ -226,9 +226,9 @@ def _set_aside_messages_not_describing_sender(
         ledger.set_aside(others & (found.message == number), f"{name} ({what})")
 
 
-J2735 = make_radio_codec("j2735")
+J2735_CODEC = make_radio_codec("j2735")
 """The codec of SAE J2735 MessageFrames."""
-BTP = make_radio_codec("btp")
+BTP_CODEC = make_radio_codec("btp")
 """The codec of ETSI messages behind a basic transport header."""
-ITS = make_radio_codec("its")
+ITS_CODEC = make_radio_codec("its")
 """The codec of bare ETSI messages."""

@@ -32,7 +32,7 @@ Asn1Type = list[Any]
 """An ASN.1 type as the list that stands for it, see above."""
 MAX_NESTING_DEPTH = 48
 """The largest depth of nested types that the kernel's stack allows."""
-NO_COLUMN = -1
+DISCARDED_VALUE_COLUMN = -1
 """The column of a value that is decoded and not kept."""
 
 
@@ -94,7 +94,7 @@ class _Compiler:
         self, operation: int, a: int = 0, b: int = 0, c: int = 0, d: int = 0, *, jump: int = 0
     ) -> int:
         """Append one operation without a column for its value; return its index."""
-        self.rows.append([operation, a, b, c, d, 0, NO_COLUMN, jump])
+        self.rows.append([operation, a, b, c, d, 0, DISCARDED_VALUE_COLUMN, jump])
         return len(self.rows) - 1
 
     def assign_output_column_if_wanted(self, operation_index: int, path: str, output_table: int) -> None:

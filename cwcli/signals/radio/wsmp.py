@@ -13,7 +13,7 @@ from cwcli.signals.radio.messages import Octets
 
 WSMP_VERSION = 3
 """The version of the WAVE short message protocol that is read."""
-EXTENSIONS_FLAG = 0x08
+WSMP_EXTENSIONS_BIT = 0x08
 """The bit in the first octet of the network header that says that extensions follow (IEEE 1609.3-2016)."""
 ADDRESS_TYPE_PSID, ADDRESS_TYPE_PSID_WITH_EXTENSIONS = 0, 1
 """Codes of the transport header's first field: addressed by a PSID, and by a PSID that extensions follow
@@ -33,13 +33,13 @@ def extract_wsmp_payloads(octets: Octets) -> Octets:
     head = walk.take_octet()
     following = walk.peek_octet()
     # without extensions IEEE 1609.2 begins with the same octet, and goes on with another one
-    is_wsmp = (head == WSMP_VERSION | EXTENSIONS_FLAG) | (
+    is_wsmp = (head == WSMP_VERSION | WSMP_EXTENSIONS_BIT) | (
         (head == WSMP_VERSION) & (following <= ADDRESS_TYPE_PSID_WITH_EXTENSIONS)
     )
     is_wsmp &= octets.ends > octets.starts + 1
     if not is_wsmp.any():
         return octets
-    walk.skip_extensions((head & EXTENSIONS_FLAG) != 0)
+    walk.skip_extensions((head & WSMP_EXTENSIONS_BIT) != 0)
     to = walk.take_octet()
     walk.skip_psid()
     walk.skip_extensions(to == ADDRESS_TYPE_PSID_WITH_EXTENSIONS)

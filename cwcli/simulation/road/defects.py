@@ -22,7 +22,7 @@ DASH_AND_GAP_M = (6.0, 9.0)
 """Length of a dash and of the gap after it, m; motorways of China (GB 5768.3)."""
 DOT_AND_GAP_M = (0.12, 3.6)
 """Length of a raised dot and of the gap after it, m. Chosen by hand (docs/road-renderer.md)."""
-DOT_WIDTH_M = 0.1
+RAISED_DOT_WIDTH_M = 0.1
 """Width of a raised dot, m. Chosen by hand; not fitted."""
 DEFECT_KNOT_SPACING_M = 5.0
 """Distance of the stations at which bends and ramps give the curvature, m. Chosen by hand; not fitted."""
@@ -35,7 +35,7 @@ LANE_CHANGE_DURATION_S = 5.0
 """Duration of a lane change, s. Chosen by hand (docs/road-renderer.md)."""
 BRIDGE_SHADOW_LENGTH_RANGE_M = (8.0, 25.0)
 """Smallest and largest length of a bridge's shadow along the road, m. Chosen by hand (docs/road-renderer.md)."""
-JOINT_LENGTH_M = 0.05
+SLAB_JOINT_LENGTH_M = 0.05
 """Length of the joint between two concrete slabs along the road, m. Chosen by hand; not fitted."""
 PAVED_SHOULDER_WIDTH_M = 1.0
 """Width of the pavement beyond the markings of the added lane, m. Chosen by hand; not fitted."""
@@ -102,7 +102,7 @@ def with_marking_kind(scene: RoadScene, kind: str) -> RoadScene:
     def change_kind(marking: Marking) -> Marking:
         if kind == "dots":
             return replace(
-                marking, dash_m=DOT_AND_GAP_M, width_m=DOT_WIDTH_M, remaining_paint_share=1.0, is_double=False
+                marking, dash_m=DOT_AND_GAP_M, width_m=RAISED_DOT_WIDTH_M, remaining_paint_share=1.0, is_double=False
             )
         return replace(marking, dash_m=DASH_AND_GAP_M)
 
@@ -157,7 +157,7 @@ def with_concrete_joints(scene: RoadScene, slab_m: float, length_m: float, rng: 
         along.append(Marking(at + 0.04, rng.uniform(0.02, 0.04), grey=1.15 * grey, dash_m=(2.0, 7.0)))
     low, high = scene.right_edge_m, scene.left_edge_m
     across = tuple(
-        Patch(station, JOINT_LENGTH_M, 0.5 * (low + high), high - low, grey_ratio=0.65, seam=False)
+        Patch(station, SLAB_JOINT_LENGTH_M, 0.5 * (low + high), high - low, grey_ratio=0.65, seam=False)
         for station in np.arange(rng.uniform(0.0, slab_m), length_m, slab_m).tolist()
     )
     return replace(scene, asphalt=grey, others=(*along, *scene.others), patches=(*scene.patches, *across))

@@ -14,7 +14,7 @@ VERGE_GREY = 78.0
 """Mean grey of the verge beside the pavement, 0 to 255. Chosen by hand; not fitted."""
 WHEEL_TRACK_OFFSET_M = 0.75
 """Distance of the wheel tracks from the middle of a lane, m. Chosen by hand; not fitted."""
-SEAM_WIDTH_M = 0.05
+PATCH_SEAM_WIDTH_M = 0.05
 """Width of the tar seam around a patch, m. Chosen by hand; not fitted."""
 MAX_PATCH_AND_SHADOW_DISTANCE_M = 150.0
 """Distance ahead beyond which patches and shadows are not drawn, m. Chosen by hand; not fitted."""
@@ -32,7 +32,7 @@ def surface_grey_by_row_and_cell(rows: ImageRows, scene: RoadScene) -> Float32Ar
         road += surface.crack_texture().mean_over_stretches(start, end, shift) * scene.cracks
     road += (1.0 - scene.tracks * _wheel_track_darkening(scene.lane_width_m))[None, :]
     for patch in scene.patches:
-        if _is_within_drawn_distance(rows, patch.station_m, patch.length_m + SEAM_WIDTH_M):
+        if _is_within_drawn_distance(rows, patch.station_m, patch.length_m + PATCH_SEAM_WIDTH_M):
             _draw_patch_on_road(road, rows, patch)
     road *= scene.asphalt
     right_edge_m: float | FloatArray = scene.right_edge_m
@@ -110,11 +110,11 @@ def _draw_patch_on_road(road: Float32Array, rows: ImageRows, patch: Patch) -> No
     low, high = patch.offset_m - patch.width_m / 2, patch.offset_m + patch.width_m / 2
     if patch.seam:
         outer = _row_share_between_stations(
-            rows, patch.station_m - SEAM_WIDTH_M, patch.station_m + patch.length_m + SEAM_WIDTH_M
+            rows, patch.station_m - PATCH_SEAM_WIDTH_M, patch.station_m + patch.length_m + PATCH_SEAM_WIDTH_M
         )
-        road *= 1.0 - 0.45 * (outer * _cell_share_between_offsets(low - SEAM_WIDTH_M, high + SEAM_WIDTH_M, 0.0)).astype(
-            np.float32
-        )
+        road *= 1.0 - 0.45 * (
+            outer * _cell_share_between_offsets(low - PATCH_SEAM_WIDTH_M, high + PATCH_SEAM_WIDTH_M, 0.0)
+        ).astype(np.float32)
     inner = _row_share_between_stations(
         rows, patch.station_m, patch.station_m + patch.length_m
     ) * _cell_share_between_offsets(low, high, 0.0)

@@ -20,11 +20,11 @@ MIN_PROJECTED_DISTANCE_M = 0.5
 """Smallest distance ahead at which points are projected, m; nearer ones are moved there. Chosen by hand; not fitted."""
 UNIT_CIRCLE_POINTS = [(math.cos(angle), math.sin(angle)) for angle in np.arange(14) * (2 * math.pi / 14)]
 """Points of the unit circle with which wheels are drawn, 14 pairs."""
-HAZE_GREY = 200.0
+FAR_HAZE_GREY = 200.0
 """Grey of far haze by day, 0 to 255. Chosen by hand; not fitted."""
 NIGHT_GREY_FACTOR = 0.16
 """Factor on the grey of objects at night, without headlights. Chosen by hand; not fitted."""
-POST_SPACING_M = 50.0
+GUIDE_POST_SPACING_M = 50.0
 """Distance between guide posts along the road, m. Chosen by hand; not fitted."""
 TREE_SPACING_M = 14.0
 """Mean distance between trees along the road, m. Chosen by hand; not fitted."""
@@ -57,7 +57,7 @@ class _RoadView:
         if self.light.night:
             return grey * NIGHT_GREY_FACTOR + grey * 0.5 * math.exp(-((distance_m / 20.0) ** 2))
         clear = math.exp(-(self.light.fog_1pm + 0.0008) * distance_m)
-        return grey * clear + HAZE_GREY * (1.0 - clear)
+        return grey * clear + FAR_HAZE_GREY * (1.0 - clear)
 
 
 def draw_roadside(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene) -> None:
@@ -181,8 +181,8 @@ def _draw_guard_rail(image: Float32Array, view: _RoadView, offset_m: float) -> N
 
 def _draw_posts(image: Float32Array, view: _RoadView, offset_m: float) -> None:
     """Draw the guide posts at an offset, in place."""
-    first = -view.road.station_m % POST_SPACING_M
-    for ahead in np.arange(first, MAX_PATCH_AND_SHADOW_DISTANCE_M, POST_SPACING_M)[::-1]:
+    first = -view.road.station_m % GUIDE_POST_SPACING_M
+    for ahead in np.arange(first, MAX_PATCH_AND_SHADOW_DISTANCE_M, GUIDE_POST_SPACING_M)[::-1]:
         if ahead < 5.0:
             continue
         x, y, _ = view.road.pose_at_arc_length(float(ahead), offset_m)

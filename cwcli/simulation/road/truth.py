@@ -10,7 +10,7 @@ from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
 
-VISIBLE_RANGE_M = 60.0
+MAX_VISIBLE_BOUNDARY_DISTANCE_M = 60.0
 """Distance beyond which a boundary counts as not visible, m: a marking of 0.15 m is 2 pixels wide there at 320 x
 240."""
 
@@ -28,8 +28,8 @@ class LaneTruth:
         x_m: Shape (height,): distance ahead that each row's centre shows, NaN above the road's end.
         left_u_px, right_u_px: Shape (height,): column of the boundary, NaN where there is no road; may lie outside the
             image.
-        left_visible, right_visible: Shape (height,): inside the image, nearer than `VISIBLE_RANGE_M`, not hidden by a
-            crest or a vehicle.
+        left_visible, right_visible: Shape (height,): inside the image, nearer than `MAX_VISIBLE_BOUNDARY_DISTANCE_M`,
+            not hidden by a crest or a vehicle.
         left_half_width_px, right_half_width_px: Shape (height,): half the painted width.
         lane_width_m: Distance of the two boundaries.
         condition: Name of the weather, e.g. `rain`.
@@ -133,7 +133,7 @@ def compute_lane_truth(
     for sign, width_m in zip((1.0, -1.0), marking_width_m, strict=True):
         u = road.line_column_at_distance_px(camera, lane_m + sign * lane_width_m / 2, x_m)
         with np.errstate(invalid="ignore"):
-            visible = (u >= 0) & (u <= camera.width_px - 1) & (x_m <= VISIBLE_RANGE_M)
+            visible = (u >= 0) & (u <= camera.width_px - 1) & (x_m <= MAX_VISIBLE_BOUNDARY_DISTANCE_M)
         if occluded is not None:
             at = np.flatnonzero(visible)
             visible[at] &= ~occluded[at, np.round(u[at]).astype(np.intp)]

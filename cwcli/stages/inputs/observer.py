@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from cwcli.channels.lanes import PREVIEW_FIELDS, read_lanes
+from cwcli.channels.lanes import PREVIEW_POINT_FIELDS, read_lanes
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.dynamics.samples import LaneSamples, ScalarSamples, linearise_lanes
@@ -35,13 +35,13 @@ MAX_PREVIEW_SIGMA = 1e3
 PREVIEW_DISTANCE_RANGE_M = (0.1, 1e3)
 """Least and greatest distance of the preview point that is accepted [m]; chosen by hand."""
 
-REPEATED_STAMP = "stamp repeated"
+REPEATED_STAMP_REASON = "stamp repeated"
 """The reason for rejecting a frame whose stamp an earlier frame has."""
-OUT_OF_RANGE = "value out of range, left out"
+OUT_OF_RANGE_REPAIR = "value out of range, left out"
 """The name of the repair that drops preview values beyond `MAX_PREVIEW_LATERAL_HEADING_CURVATURE`."""
-NO_STAMP = "no usable stamp"
+NO_STAMP_REASON = "no usable stamp"
 """The reason for rejecting a frame whose stamp is missing or no time."""
-NO_VALUE = "no boundary found"
+NO_BOUNDARY_REASON = "no boundary found"
 """The reason for setting a frame aside in which no boundary was found."""
 
 
@@ -76,7 +76,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     place = f"{where}: {columns.topic}" if where else columns.topic
     if not len(columns):
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
-    lanes = read_lanes(columns, required=("stamp_ns", *PREVIEW_FIELDS, "preview_distance_m"))
+    lanes = read_lanes(columns, required=("stamp_ns", *PREVIEW_POINT_FIELDS, "preview_distance_m"))
     stamp_ns = lanes.stamp_ns
     usable = np.flatnonzero((stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS))
     if not len(usable):
@@ -91,13 +91,16 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     lines = np.where(is_held[:, None, None], np.nan, lanes.curved_offset_slope_curvature_of_boundaries()[rows])
     is_empty = ~np.isfinite(values).any(axis=1) & ~is_held
     has_shape = np.asarray(np.isfinite(lines).any(axis=(1, 2)), np.bool_)
-    reasons = {NO_VALUE: ~has_shape, "the lane turns back before the preview point": has_shape & (not with_shape)}
+    reasons = {
+        NO_BOUNDARY_REASON: ~has_shape,
+        "the lane turns back before the preview point": has_shape & (not with_shape),
+    }
     set_aside = {reason: int(np.count_nonzero(is_empty & which)) for reason, which in reasons.items()}
     set_aside["the lane is only carried on, left out"] = int(np.count_nonzero(is_held))
-    rejected = {NO_STAMP: len(columns) - len(usable), REPEATED_STAMP: len(usable) - len(rows)}
+    rejected = {NO_STAMP_REASON: len(columns) - len(usable), REPEATED_STAMP_REASON: len(usable) - len(rows)}
     repaired = {
         "stamp out of order, sorted": int(np.count_nonzero(np.diff(stamp_ns[usable]) < 0)),
-        OUT_OF_RANGE: int(np.count_nonzero(is_beyond.any(axis=1))),
+        OUT_OF_RANGE_REPAIR: int(np.count_nonzero(is_beyond.any(axis=1))),
     }
     samples = LaneSamples(
         *(stamp_ns[rows], values[:, 0], values[:, 1], values[:, 2], sigma[:, 0], sigma[:, 1], sigma[:, 2]),

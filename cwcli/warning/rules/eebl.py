@@ -29,11 +29,11 @@ MIN_HARD_BRAKING_MPS2 = 4.0
 """Least deceleration of hard braking, m/s^2: about the 0.4 g of `eventHardBraking` (SAE J2735)."""
 RELEASE_SHARE_OF_HARD_BRAKING = 0.5
 """Share of hard braking below which the other's braking ends a warning. Chosen by hand; not fitted."""
-LANE_WIDTH_M = 3.6
+ASSUMED_LANE_WIDTH_M = 3.6
 """Assumed width of a lane, m: 12 feet, as on US highways."""
-MAX_LATERAL_OFFSET_M = 1.5 * LANE_WIDTH_M
+MAX_LATERAL_OFFSET_M = 1.5 * ASSUMED_LANE_WIDTH_M
 """Greatest distance in m of a vehicle from the host's path that is in its lane or an adjacent one: one and a half
-`LANE_WIDTH_M`."""
+`ASSUMED_LANE_WIDTH_M`."""
 MAX_HEADING_DIFFERENCE_RAD = np.deg2rad(45.0)
 """Largest angle between directions of vehicles that drive the same way. Chosen by hand; not fitted."""
 MIN_HOST_SPEED_MPS = 2.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from cwcli.channels.binding import EVERY_ROLE, Bindings, bind_roles, parse_role_overrides
+from cwcli.channels.binding import ALL_ROLE_NAMES, Bindings, bind_roles, parse_role_overrides
 from cwcli.channels.published import EGO_PATH, EGO_STATE
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.signals.inputs import INPUTS, find_input_for_role, normalise_schema_name
@@ -43,7 +43,7 @@ ODOM = Channel("/odom", "nav_msgs/msg/Odometry")
 def bound(
     *channels: Channel, overrides: dict[str, str] | None = None, ego_station: str | None = None
 ) -> dict[str, str]:
-    bindings = bind_roles(channels, overrides or {}, required=(), optional=EVERY_ROLE, ego_station=ego_station)
+    bindings = bind_roles(channels, overrides or {}, required=(), optional=ALL_ROLE_NAMES, ego_station=ego_station)
     return {str(role): ",".join(b.topic for b in bindings.channels_of_role(role)) for role in bindings.by_role}
 
 
@@ -252,7 +252,7 @@ def test_parse_overrides_refuses(options: list[str]) -> None:
 
 
 def test_wanted_gathers_the_fields_of_all_roles_and_skips_cameras() -> None:
-    bindings: Bindings = bind_roles([FIX, IMAGE, ODE], {}, required=(), optional=EVERY_ROLE)
+    bindings: Bindings = bind_roles([FIX, IMAGE, ODE], {}, required=(), optional=ALL_ROLE_NAMES)
     wanted = bindings.fields_to_load()
     assert set(wanted) == {"/gps/fix", "/v2x/ode_bsm"}
     assert {"latitude", "header.stamp.sec", "status.status"} <= wanted["/gps/fix"]

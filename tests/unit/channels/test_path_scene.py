@@ -9,7 +9,7 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.path_scene import LINE_LIFETIME_NS, POINTS_PER_DRAWN_PATH, make_path_scene_channel
+from cwcli.channels.path_scene import DRAWN_PATH_LIFETIME_NS, POINTS_PER_DRAWN_PATH, make_path_scene_channel
 from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import PATH_SCENE
 from cwcli.logs.write.writer import LogWriter
@@ -44,7 +44,7 @@ def test_a_path_is_a_line_with_its_first_and_last_point(tmp_path: Path) -> None:
     [line] = entity.lines
     assert log_time_ns == 1000 * MS
     assert (entity.id, entity.frame_id, entity.timestamp.ToNanoseconds()) == ("ego", "map", 995 * MS)
-    assert entity.lifetime.ToNanoseconds() == LINE_LIFETIME_NS
+    assert entity.lifetime.ToNanoseconds() == DRAWN_PATH_LIFETIME_NS
     assert [point.x for point in line.points] == [5.0 * k for k in range(POINTS_PER_DRAWN_PATH)]
     assert line.pose.orientation.w == 1.0 and line.thickness > 0 and line.color.a > 0
 

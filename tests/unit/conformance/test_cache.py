@@ -13,7 +13,7 @@ from cwcli.conformance import run
 from cwcli.conformance.cache import RepetitionCache, repetition_key
 from cwcli.conformance.clause import load_clause
 from cwcli.conformance.results import Repetition
-from cwcli.conformance.run import BUILTIN_RULES, ConformConfig, run_clauses
+from cwcli.conformance.run import BUILTIN_RULE_NAMES, ConformConfig, run_clauses
 from cwcli.conformance.verdict import Verdict
 from cwcli.errors import UsageError
 from cwcli.warning.rules import RULES
@@ -94,8 +94,8 @@ def test_a_verdict_comes_back_as_it_was_and_a_cut_line_is_run_again(
 def test_a_plug_in_s_rule_is_never_kept(
     tmp_path: Path, driven: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert set(BUILTIN_RULES) == set(RULES._builtin)
-    monkeypatch.setattr(run, "BUILTIN_RULES", ())
+    assert set(BUILTIN_RULE_NAMES) == set(RULES._builtin)
+    monkeypatch.setattr(run, "BUILTIN_RULE_NAMES", ())
     margins(tmp_path, ConformConfig(1, 1))
     driven.clear()
     margins(tmp_path, ConformConfig(1, 1))

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from cwcli.conformance.clause import clause_names, load_clause
-from cwcli.conformance.digest import MAX_DIGEST_LINES, MAX_LINE_CHARACTERS, format_digest
+from cwcli.conformance.digest import MAX_DIGEST_LINE_CHARACTERS, MAX_DIGEST_LINES, format_digest
 from cwcli.conformance.html_page import format_html_page
 from cwcli.conformance.page import format_junit, format_markdown
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult, Repetition, TrialResult
@@ -31,7 +31,7 @@ def test_all_clauses_fit_with_the_failed_ones_first() -> None:
     results = [result(name, [-1.0 if name == "un-r152" else 0.5]) for name in clause_names()]
     lines = format_digest(results)
     assert len(lines) <= MAX_DIGEST_LINES
-    assert max(map(len, lines)) <= MAX_LINE_CHARACTERS
+    assert max(map(len, lines)) <= MAX_DIGEST_LINE_CHARACTERS
     assert lines[0] == f"{len(results)} clauses: 1 fail, {len(results) - 1} pass (numbers as published)"
     assert lines[1].split() == ["clause", "outcome", "passed", "margin"]
     assert lines[2].split() == ["un-r152", "fail", "0", "of", "1", "-1.00", "s"]
@@ -42,7 +42,7 @@ def test_a_grid_of_a_hundred_trials_fits_and_counts_what_is_left_out() -> None:
     margins: list[float | None] = [0.1 * k - 2.0 for k in range(104)]
     lines = format_digest([result("euro-ncap-c2c", margins)])
     assert len(lines) <= MAX_DIGEST_LINES
-    assert max(map(len, lines)) <= MAX_LINE_CHARACTERS
+    assert max(map(len, lines)) <= MAX_DIGEST_LINE_CHARACTERS
     assert "and 98 more trials, 14 of which fail" in "".join(lines)
     assert any(line.startswith("worst: CCRs") for line in lines)
 

@@ -5,7 +5,7 @@ import pytest
 
 from cwcli.control.closed_loop import RecordedMotion
 from cwcli.control.encounter import (
-    POLICIES,
+    BRAKING_POLICY_NAMES,
     RecordedTrack,
     ReplaySpan,
     contiguous_rows_around,
@@ -15,7 +15,7 @@ from cwcli.control.encounter import (
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 50_000_000
-FUZZY, DRIVER = POLICIES.index("fuzzy"), POLICIES.index("driver")
+FUZZY, DRIVER = BRAKING_POLICY_NAMES.index("fuzzy"), BRAKING_POLICY_NAMES.index("driver")
 
 
 def track(start_m: float, speed_mps: float, seconds: float, *, first_s: float = 0.0) -> RecordedTrack:
@@ -55,7 +55,7 @@ def test_all_policies_are_the_recording_until_the_warning() -> None:
     before = found.outcome.time_s <= 1e-9
     assert found.outcome.time_s[0] == pytest.approx(-3.0)  # the record begins there
     expected = 20.0 * (found.outcome.time_s[before] + 3.0)
-    for policy in range(len(POLICIES)):
+    for policy in range(len(BRAKING_POLICY_NAMES)):
         np.testing.assert_allclose(found.outcome.x_m[policy, before], expected, atol=1e-6)
 
 

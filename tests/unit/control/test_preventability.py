@@ -9,10 +9,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from cwcli.control.driver_models import (
+    CAREFUL_HUMAN_DRIVER_AT_CUT_IN,
     FUZZY_SAFETY_DRIVER,
-    HUMAN_AT_CUT_IN,
+    HUMAN_BRAKING_JERK_MPS3,
     HUMAN_BRAKING_MPS2,
-    HUMAN_JERK_MPS3,
     R157_DRIVER,
     RSS_DRIVER,
     DriverModel,
@@ -23,10 +23,15 @@ from tests.unit.control.slow_drivers import crashes
 
 FOLDER = Path(__file__).parents[4] / "shared" / "oracles" / "jrc_fsm"
 ROUNDING_M = 1e-9
-CUT_IN = {"CC_human_driver": HUMAN_AT_CUT_IN, "Reg157": R157_DRIVER, "RSS": RSS_DRIVER, "FSM": FUZZY_SAFETY_DRIVER}
+CUT_IN = {
+    "CC_human_driver": CAREFUL_HUMAN_DRIVER_AT_CUT_IN,
+    "Reg157": R157_DRIVER,
+    "RSS": RSS_DRIVER,
+    "FSM": FUZZY_SAFETY_DRIVER,
+}
 HUMAN_FOLLOWING = DriverModel(
     "careful and competent human behind a vehicle that brakes or stands; UN Regulation 157, annex 4, appendix 3",
-    lambda seen: np.full(len(seen.gap_m), HUMAN_BRAKING_MPS2), 0.75, 0.4, HUMAN_JERK_MPS3,
+    lambda seen: np.full(len(seen.gap_m), HUMAN_BRAKING_MPS2), 0.75, 0.4, HUMAN_BRAKING_JERK_MPS3,
 )  # fmt: skip
 BEHIND = {"CC_human_driver": HUMAN_FOLLOWING, "RSS": RSS_DRIVER, "FSM": FUZZY_SAFETY_DRIVER}
 of_cut_in = pytest.mark.parametrize("model", CUT_IN)

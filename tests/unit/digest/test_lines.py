@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from cwcli.digest.lines import LABEL_WIDTH, Block, format_blocks, shorten_path, trust_or_doubt_block
+from cwcli.digest.lines import LABEL_WIDTH_CELLS, Block, format_blocks, shorten_path, trust_or_doubt_block
 from cwcli.evaluation.doubts.base import Doubt
 from cwcli.text import terminal_cells_of_text
 
@@ -41,7 +41,7 @@ def test_first_sentence_is_cut_if_it_alone_does_not_fit() -> None:
 def test_lines_go_first_to_what_each_block_needs_at_least() -> None:
     long = Block("what", tuple(f"Sentence {k} of a long story." for k in range(60)))
     lines = format_blocks([long, Block("doubt", ("word " * 40,), 3), Block("next", ("go home",))])
-    labels = [line[:LABEL_WIDTH].strip() for line in lines]
+    labels = [line[:LABEL_WIDTH_CELLS].strip() for line in lines]
     assert len(lines) == 12
     assert labels.index("doubt") == 8
     assert labels.index("next") == 11

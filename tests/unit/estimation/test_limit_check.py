@@ -161,10 +161,10 @@ def test_the_table_of_the_docs_has_these_bounds() -> None:
         "gyroscope: bias": sensor_limits.YAW_RATE_BIAS_RANGE,
         "position: slow error": sensor_limits.SLOW_POSITION_SIGMA_RANGE,
         "position: stamp jitter (sigma)": sensor_limits.STAMP_SIGMA_RANGE,
-        "place ahead": sensor_limits.AHEAD_RANGE,
+        "place ahead": sensor_limits.LEVER_ARM_AHEAD_RANGE,
         "latency: change in a second": sensor_limits.LATENCY_DRIFT_RANGE,
         "latency": sensor_limits.LATENCY_RANGE,
-        **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGES.items()},
+        **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGE_BY_KIND.items()},
     }
     assert stated == {
         name: re.sub(r"\s+", " ", f"{limit.low:g} to {limit.high:g} {limit.unit}").strip()

@@ -74,7 +74,7 @@ def test_shards_merged_equal_one_run(
 ) -> None:
     monkeypatch.setattr(tables, "ROWS_PER_GROUP", 16)
     monkeypatch.setattr(tables, "ROWS_PER_NESTED_GROUP", 7)
-    monkeypatch.setattr(tables, "MAX_OPEN_FILES", 4)  # the tables are written in several passes
+    monkeypatch.setattr(tables, "MAX_OPEN_TABLE_FILES", 4)  # the tables are written in several passes
     rng = np.random.default_rng(seed)
     logs: Logs = make_logs(rng)  # type: ignore[operator]
     whole = tmp_path / "whole"
@@ -83,7 +83,7 @@ def test_shards_merged_equal_one_run(
     names = write_tables(whole, dict.fromkeys(logs, rows), RUN_ID)
     assert names == sorted({name for own in logs.values() for name, _ in own})
     monkeypatch.setattr(tables, "ROWS_PER_READ", 5)  # how rows are read and joined on the way does not show
-    monkeypatch.setattr(tables, "PIECES_PER_BLOCK", 2)
+    monkeypatch.setattr(tables, "LOGS_PER_JOINED_BLOCK", 2)
     shard_of = {id: int(rng.integers(3)) for id in logs}
     merged: dict[str, MergedRows] = {}
     for k in range(3):
@@ -99,7 +99,7 @@ def test_shards_merged_equal_one_run(
 
 def test_memory_does_not_hold_a_piece_of_every_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A piece takes some kB however few its rows, so pieces are joined: of 60 logs at most 4 pieces and 15 blocks."""
-    monkeypatch.setattr(tables, "PIECES_PER_BLOCK", 4)
+    monkeypatch.setattr(tables, "LOGS_PER_JOINED_BLOCK", 4)
     logs: Logs = {f"log{k:02}": [("metrics", table(at_s=np.array([float(k)])))] for k in range(60)}
     stage(tmp_path, logs)
     held: list[int] = []

@@ -7,9 +7,9 @@ from cwcli.measures import MEASURES
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.measures.safe_distance import (
     HOST_RESPONSE_TIME_S,
-    MIN_BRAKING_MPS2,
+    MAX_ACCEL_IN_RESPONSE_TIME_MPS2,
+    MIN_BRAKING_AFTER_RESPONSE_MPS2,
     OTHER_RESPONSE_TIME_S,
-    RESPONSE_ACCEL_MPS2,
     safe_gap_opposite_direction_m,
     safe_gap_same_direction_m,
     safe_lateral_gap_m,
@@ -48,8 +48,8 @@ def test_a_wider_margin_on_one_side_counts_half() -> None:
 @pytest.mark.parametrize(
     ("speed_kmh", "response_s", "accel", "braking", "expected_m"),
     [
-        (100.0, OTHER_RESPONSE_TIME_S, RESPONSE_ACCEL_MPS2, MIN_BRAKING_MPS2, 213.74),
-        (100.0, HOST_RESPONSE_TIME_S, RESPONSE_ACCEL_MPS2, MIN_BRAKING_MPS2, 151.81),
+        (100.0, OTHER_RESPONSE_TIME_S, MAX_ACCEL_IN_RESPONSE_TIME_MPS2, MIN_BRAKING_AFTER_RESPONSE_MPS2, 213.74),
+        (100.0, HOST_RESPONSE_TIME_S, MAX_ACCEL_IN_RESPONSE_TIME_MPS2, MIN_BRAKING_AFTER_RESPONSE_MPS2, 151.81),
         (50.0, OTHER_RESPONSE_TIME_S, 2.0, 4.0, 71.77),
     ],
 )

@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter
 
 from cwcli.signals.bsm_sender import (
     ACCEL_FILTER_DELAY_S,
-    FILTER_STEP_S,
+    ACCEL_FILTER_STEP_S,
     apply_senders_acceleration_low_pass,
     freeze_heading_at_standstill,
     repeated_heading_at_standstill_mask,
@@ -20,13 +20,13 @@ from tests.studies.bsm_senders import compared
 def test_it_is_the_butterworth_filter() -> None:
     values = np.cumsum(np.random.default_rng(1).normal(size=3000))
     values -= values[0]
-    b, a = butter(2, 1.0, fs=1.0 / FILTER_STEP_S)
+    b, a = butter(2, 1.0, fs=1.0 / ACCEL_FILTER_STEP_S)
     # scipy bends the frequency so that the cut-off is exact; at 1 kHz that is one part in 300,000
     np.testing.assert_allclose(apply_senders_acceleration_low_pass(values), lfilter(b, a, values), atol=1e-3)
 
 
 def test_what_changes_slowly_comes_225_ms_late() -> None:
-    time_s = np.arange(0.0, 8.0, FILTER_STEP_S)
+    time_s = np.arange(0.0, 8.0, ACCEL_FILTER_STEP_S)
     late = apply_senders_acceleration_low_pass(time_s)
     assert time_s[-1] - late[-1] == pytest.approx(ACCEL_FILTER_DELAY_S, abs=1e-6)
     assert pytest.approx(0.2251, abs=1e-4) == ACCEL_FILTER_DELAY_S
@@ -34,7 +34,7 @@ def test_what_changes_slowly_comes_225_ms_late() -> None:
 
 @pytest.mark.parametrize("step", [100, 50, 130])
 def test_a_ramp_is_found_again_without_a_delay(step: int) -> None:
-    time_s = np.arange(0.0, 8.0, FILTER_STEP_S)
+    time_s = np.arange(0.0, 8.0, ACCEL_FILTER_STEP_S)
     ramp = -3.0 * time_s
     rows = np.arange(0, len(time_s), step)
     found, gain = undo_low_pass_filter_and_noise_gain(time_s[rows], apply_senders_acceleration_low_pass(ramp)[rows])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.channels.binding import EVERY_ROLE, bind_roles
+from cwcli.channels.binding import ALL_ROLE_NAMES, bind_roles
 from cwcli.errors import MissingSignalError
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import (
@@ -35,7 +35,7 @@ PSU_FOLLOW = "psu-follow-2obu.mcap"
 PSU_ONE = "psu-testtrack-1obu.mcap"
 WYDOT = "wydot-bsm.mcap"
 OBJECTS = "udacity-obj-pose.ros2.mcap"
-OPTIONAL = tuple(role for role in EVERY_ROLE if role != Role.EGO_POSITION)
+OPTIONAL = tuple(role for role in ALL_ROLE_NAMES if role != Role.EGO_POSITION)
 
 
 @cache
@@ -67,7 +67,7 @@ def test_bind_finds_what_each_log_holds(log: str, expected: dict[str, str]) -> N
     channels = [
         Found(c.topic, summary.schemas[c.schema_id].name, c.message_encoding) for c in summary.channels.values()
     ]
-    bindings = bind_roles(channels, {}, required=(), optional=EVERY_ROLE)
+    bindings = bind_roles(channels, {}, required=(), optional=ALL_ROLE_NAMES)
     assert {str(role): bindings.first_topic_of_role(role) for role in bindings.by_role} == expected
     assert len(bindings.notes) == (1 if log == KITTI else 0)  # its two truth channels
     if "ego_position" not in expected:

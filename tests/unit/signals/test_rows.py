@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
-from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M, median_length_and_width_m
+from cwcli.warning.types import DEFAULT_VEHICLE_LENGTH_M, DEFAULT_VEHICLE_WIDTH_M, median_length_and_width_m
 
 
 def test_rows_by_stamp_keep_the_first_of_each_stamp() -> None:
@@ -20,5 +20,8 @@ def test_rows_by_stamp_keep_the_first_of_each_stamp() -> None:
 
 def test_outline_is_the_median_of_what_was_said_or_the_default() -> None:
     lengths_m = np.array([4.0, math.nan, 5.0, 12.0])
-    assert median_length_and_width_m(lengths_m, np.full(4, math.nan)) == (5.0, DEFAULT_WIDTH_M)
-    assert median_length_and_width_m(np.zeros(3), np.array([-1.0, math.inf])) == (DEFAULT_LENGTH_M, DEFAULT_WIDTH_M)
+    assert median_length_and_width_m(lengths_m, np.full(4, math.nan)) == (5.0, DEFAULT_VEHICLE_WIDTH_M)
+    assert median_length_and_width_m(np.zeros(3), np.array([-1.0, math.inf])) == (
+        DEFAULT_VEHICLE_LENGTH_M,
+        DEFAULT_VEHICLE_WIDTH_M,
+    )

@@ -21,9 +21,9 @@ from cwcli.simulation.spec import (
     LATERAL_KEYS,
     LONGITUDINAL_KEYS,
     ORIGIN_KEYS,
-    REQUIRED,
+    REQUIRED_KEY_DEFAULT,
+    SCENARIO_TOP_LEVEL_KEYS,
     SENSOR_KEYS,
-    TOP_KEYS,
     V2X_KEYS,
     VEHICLE_KEYS,
     Key,
@@ -176,7 +176,7 @@ def test_file_that_is_not_toml(tmp_path: Path, content: bytes) -> None:
 
 
 ALL_TABLES = {
-    "top": TOP_KEYS,
+    "top": SCENARIO_TOP_LEVEL_KEYS,
     "origin": ORIGIN_KEYS,
     "vehicle": VEHICLE_KEYS,
     "longitudinal": LONGITUDINAL_KEYS,
@@ -197,7 +197,7 @@ def test_docs_hold_every_key_with_its_range_and_default(table: str) -> None:
 
 def documented_row(name: str, key: Key) -> str:
     default = key.default
-    if default is REQUIRED:
+    if default is REQUIRED_KEY_DEFAULT:
         shown = "required"
     elif default in (None, ()):
         shown = "none"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.vehicle_state import read_vehicle_states
-from cwcli.control.encounter import POLICIES, ReplaySpan
+from cwcli.control.encounter import BRAKING_POLICY_NAMES, ReplaySpan
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.logs.read.reader import Log
@@ -38,7 +38,7 @@ def rear_end() -> tuple[Log, StageResult]:
 def rows(result: StageResult) -> dict[str, dict[str, Any]]:
     """Policy -> its row; there must be one warning."""
     found = {str(row["policy"]): row for row in result.tables["control"].rows_as_dicts()}
-    assert len(result.tables["control"].rows_as_dicts()) == len(found) == len(POLICIES)
+    assert len(result.tables["control"].rows_as_dicts()) == len(found) == len(BRAKING_POLICY_NAMES)
     return found
 
 
@@ -67,7 +67,7 @@ def test_channels_hold_the_recording_until_the_warning(rear_end: tuple[Log, Stag
     warning_ns = int(rows(result)["fuzzy"]["warning_stamp_ns"])
     after = log.with_channels(result.channels)
     speed = {}
-    for policy in POLICIES:
+    for policy in BRAKING_POLICY_NAMES:
         states = read_vehicle_states(after.columns(f"/cwcli/control/{policy}/state"))
         assert set(states.ids.values) == {"ego"}
         assert np.all(np.diff(states.stamp_ns) > 0)
@@ -93,7 +93,7 @@ def test_map_position_of_the_replay_is_that_of_the_states(rear_end: tuple[Log, S
 
 def test_series_and_table_agree(rear_end: tuple[Log, StageResult]) -> None:
     found, series = rows(rear_end[1]), rear_end[1].tables["control_series"].rows_as_dicts()
-    for policy in POLICIES:
+    for policy in BRAKING_POLICY_NAMES:
         own = [row for row in series if row["policy"] == policy and row["since_warning_s"] >= 0.0]
         least = min(float(row["distance_m"]) for row in own)
         assert least == pytest.approx(float(found[policy]["min_distance_m"]), abs=0.3)  # 20 Hz against 100 Hz

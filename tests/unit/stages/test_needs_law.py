@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.channels.binding import EVERY_ROLE, bind_roles
+from cwcli.channels.binding import ALL_ROLE_NAMES, bind_roles
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection, StageCall
@@ -57,7 +57,7 @@ KINDS = ("straight", "intersection", "estimated", "predicted", "lanes", "lanes-a
 def test_a_stage_misses_a_signal_exactly_where_the_registry_says_so(kind: str, tmp_path: Path) -> None:
     runs: dict[str, bool] = {}
     with log_of(kind, tmp_path) as log:
-        bound = bind_roles(log.channels, {}, required=(), optional=EVERY_ROLE).by_role
+        bound = bind_roles(log.channels, {}, required=(), optional=ALL_ROLE_NAMES).by_role
         for name in STAGES:
             try:
                 call(name)(log, Selection())

@@ -7,7 +7,7 @@ import pickle
 
 import pytest
 
-from cwcli.channels.binding import EVERY_ROLE
+from cwcli.channels.binding import ALL_ROLE_NAMES
 from cwcli.channels.published import PUBLISHED_CHANNELS
 from cwcli.errors import UsageError
 from cwcli.pipeline.call import StageCall
@@ -29,7 +29,7 @@ def test_a_line_leads_to_function_configuration_and_examples(stage: Stage) -> No
 def test_its_roles_are_roles(stage: Stage) -> None:
     named = {role for group in stage.required_role_groups for role in group}
     assert {*named, *stage.used, *stage.input_role_by_added_role, *stage.input_role_by_added_role.values()} <= set(
-        EVERY_ROLE
+        ALL_ROLE_NAMES
     )
 
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from cwcli.errors import UsageError
 from cwcli.simulation.road.camera import PAPER_PREVIEW_M, RoadCamera, camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead, clothoid_curvature_1pm
-from cwcli.simulation.road.truth import VISIBLE_RANGE_M, compute_lane_truth
+from cwcli.simulation.road.truth import MAX_VISIBLE_BOUNDARY_DISTANCE_M, compute_lane_truth
 from cwcli.vision.camera import Camera, Mounting
 
 ATOL_PX = 0.02
@@ -121,7 +121,7 @@ def test_truth_agrees_with_the_vision_rooms_camera(camera: RoadCamera) -> None:
         np.testing.assert_allclose(np.interp(v, rows[known], columns[known]), u, atol=0.5)
         ground_x, ground_y = vision.ground_points_from_image(columns[known], rows[known].astype(float))
         np.testing.assert_allclose(ground_x, truth.x_m[known], rtol=1e-6)
-        near = ground_x < VISIBLE_RANGE_M
+        near = ground_x < MAX_VISIBLE_BOUNDARY_DISTANCE_M
         np.testing.assert_allclose(ground_y[near], truth.boundary_y_m(side, ground_x[near]), atol=1e-6)
 
 
