@@ -97,6 +97,18 @@ def test_a_document_is_what_the_schema_says(
     assert list(map(str, VALIDATOR.iter_errors(document))) == []
 
 
+def test_document_of_a_doubtful_log_is_what_the_schema_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rows = [f"{1_700_000_000 + k / 10},{48 + k % 3 * 1e-7:.7f},11" for k in range(200)]  # it stands for 20 s
+    (tmp_path / "still.csv").write_text("\n".join(["time,lat,lon", *rows]))
+    assert run_command_line(["run", "still.csv", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert [doubt["name"] for doubt in document["digest"]["doubts"]] == ["heading"]
+    assert list(map(str, VALIDATOR.iter_errors(document))) == []
+
+
 def test_every_command_with_json_is_in_the_schema() -> None:
     printing = {name for name in COMMANDS if any("--json" in each.opts for each in load_command(name).params)}
     known = {
