@@ -23,6 +23,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 from tests.cli.conftest import ROOT
 from tests.cli.detection_logs import SCHEMA, scan
+from tests.protobuf_bytes import encode_varint
 from tests.unit.importing import files
 from tests.unit.importing.hostile_imports import GPX, blf
 from tests.unit.logs_read.hostile_containers import bag, chunk, connection, message, u32
@@ -465,19 +466,11 @@ def parquet_footer(footer: bytes) -> Make:
     return file_and("a.parquet", b"PAR1" + footer + struct.pack("<I", len(footer)) + b"PAR1")
 
 
-def varint(n: int) -> bytes:
-    out = b""
-    while n > 127:
-        out += bytes([n & 127 | 128])
-        n >>= 7
-    return out + bytes([n])
-
-
 def proto(number: int, value: bytes | int) -> bytes:
     """A field of protobuf."""
     if isinstance(value, int):
-        return varint(number << 3) + varint(value)
-    return varint(number << 3 | 2) + varint(len(value)) + value
+        return encode_varint(number << 3) + encode_varint(value)
+    return encode_varint(number << 3 | 2) + encode_varint(len(value)) + value
 
 
 def onnx_model(graph: bytes) -> bytes:

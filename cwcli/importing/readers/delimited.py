@@ -71,10 +71,10 @@ def read_delimited_table(
     layout = find_separator_names_and_units(head, where)
     notes: list[str] = []
 
-    def read(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
         return iter_text_rows(path if data is None else data, head, layout, columns, (where, notes))
 
-    return SourceTable(path, part, kind, layout.names, read, units=layout.units, notes=notes)
+    return SourceTable(path, part, kind, layout.names, read_column_batches, units=layout.units, notes=notes)
 
 
 def find_separator_names_and_units(head: TextHead, where: str) -> TextLayout:

@@ -52,7 +52,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     columns = tuple(name for name in PRESET_BY_COLUMN if name in {"time", "lat", "lon"} or name in found)
     notes: list[str] = []
 
-    def read(names: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(names: Sequence[str]) -> Iterator[Batch]:
         import pyarrow as pa
 
         rows: list[dict[str, str]] = []
@@ -69,7 +69,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     presets = {name: PRESET_BY_COLUMN[name] for name in columns}
     if "course" in presets:
         presets["course"] = Preset("course", "deg-cw-north")
-    return [SourceTable(path, "", "gpx", columns, read, presets=presets, notes=notes)]
+    return [SourceTable(path, "", "gpx", columns, read_column_batches, presets=presets, notes=notes)]
 
 
 def _names_and_point_counts_of_tracks(path: str) -> list[tuple[str, int]]:

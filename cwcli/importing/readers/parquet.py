@@ -46,14 +46,16 @@ def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
         name: (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for name, field in fields.items()
     }
 
-    def read(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
         try:
             for batch in file.iter_batches(ROWS_PER_BATCH, columns=list(columns)):
                 yield {name: _arrow_column_as_plain_values(_leaf_column(batch, name)) for name in columns}
         except (pa.ArrowException, OSError) as error:
             raise InputError(f"the Parquet file is damaged: {str(error).splitlines()[0]}", where=path) from error
 
-    table = SourceTable(path, "", "parquet", tuple(names), read, units={k: v for k, v in units.items() if v})
+    table = SourceTable(
+        path, "", "parquet", tuple(names), read_column_batches, units={k: v for k, v in units.items() if v}
+    )
     return [with_presets_if_cwcli_table(table)]
 
 

@@ -157,11 +157,11 @@ def _add_gravity(sources: dict[str, SourceTable]) -> None:
         return
     total = {axis: first[axis] + second[axis] for axis in "xyz"} | {"time": first["time"]}
 
-    def read(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
         yield {name: total[name] for name in columns}
 
     part = f"{linear.part} with {gravity.part}"
-    sources["totalacceleration"] = replace(linear, part=part, columns=tuple(total), read_batches=read)
+    sources["totalacceleration"] = replace(linear, part=part, columns=tuple(total), read_batches=read_column_batches)
 
 
 def _stamps_and_axis_columns_of_table(table: SourceTable) -> dict[str, Any]:

@@ -71,7 +71,7 @@ def _read_rtklib_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     layout = TextLayout(" ", (FIRST, SECOND, *names), {}, at + 1)
     notes: list[str] = []
 
-    def read(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
         plain = [name for name in columns if name != STAMP]
         for batch in iter_text_rows(path, head, layout, [*plain, FIRST, SECOND], (path, notes)):
             columns_read = (
@@ -82,7 +82,7 @@ def _read_rtklib_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     presets = {name: PRESET_BY_COLUMN.get(name, Preset("ignored")) for name in names}
     presets[STAMP] = Preset("time", "ns")
     notes.append({"GPST": "GPS time, converted to UTC", "JST": "Japan's time, converted to UTC"}.get(scale, "UTC"))
-    return [SourceTable(path, "", "rtklib", (STAMP, *names), read, presets=presets, notes=notes)]
+    return [SourceTable(path, "", "rtklib", (STAMP, *names), read_column_batches, presets=presets, notes=notes)]
 
 
 def _utc_ns_of_time_cells(first: object, second: object, scale: str) -> np.ndarray:

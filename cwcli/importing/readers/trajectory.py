@@ -94,7 +94,7 @@ def read_tum_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
     """Return the poses of a TUM file."""
     notes: list[str] = []
 
-    def read(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
         import pyarrow as pa
 
         for rows in iter_number_lines(path, 8, notes):
@@ -103,7 +103,7 @@ def read_tum_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
             yield {name: pa.array([row[0] for row in rows]) if name == "time" else batch[name] for name in columns}
 
     presets = {**POSE_PRESETS, "time": Preset("time")}  # its size shows the unit: some tools write ns
-    return [SourceTable(path, "", "tum", ("time", *POSE_COLUMNS), read, presets=presets, notes=notes)]
+    return [SourceTable(path, "", "tum", ("time", *POSE_COLUMNS), read_column_batches, presets=presets, notes=notes)]
 
 
 def read_kitti_poses(path: str, answers: Answers) -> Sequence[SourceTable]:

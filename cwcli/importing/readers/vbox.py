@@ -64,7 +64,7 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     day_ns, notes = _day_and_notes(lines, answers)
     last_ns = [0, 0]  # time of day of the last row, and the midnights before it
 
-    def read(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
         last_ns[:] = [0, 0]
         for batch in iter_text_rows(path, head, layout, list(columns), (path, notes)):
             columns_read: dict[str, object] = {}
@@ -93,7 +93,11 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     presets |= {"heading": Preset("course", "deg-cw-north"), "height": Preset("altitude", "m")}
     present_presets = {name: each for name, each in presets.items() if name in names}
     others = {name: Preset("ignored") for name in names if name not in present_presets and quantities_of_name(name)}
-    return [SourceTable(path, "", "vbox", tuple(names), read, presets={**others, **present_presets}, notes=notes)]
+    return [
+        SourceTable(
+            path, "", "vbox", tuple(names), read_column_batches, presets={**others, **present_presets}, notes=notes
+        )
+    ]
 
 
 def _day_and_notes(lines: Sequence[str], answers: Answers) -> tuple[int, list[str]]:

@@ -16,6 +16,7 @@ from cwcli.logs.codecs.column_buffers import Payloads
 from cwcli.logs.codecs.protobuf import INVALID_MESSAGE_REASON, ProtobufDecoder
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Ragged
+from tests.protobuf_bytes import encode_varint
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
 from tests.unit.logs_read.official import assert_same, read_officially
 
@@ -191,7 +192,7 @@ def test_packed_and_unpacked_are_the_same(tmp_path: Path) -> None:
 def test_overlong_varints_groups_and_nesting(tmp_path: Path) -> None:
     nested = b""
     for _ in range(90):
-        nested = b"\x2a" + _varint(len(nested)) + nested  # Inner.self
+        nested = b"\x2a" + encode_varint(len(nested)) + nested  # Inner.self
     log = check(
         tmp_path,
         odd_schema(),
@@ -199,7 +200,7 @@ def test_overlong_varints_groups_and_nesting(tmp_path: Path) -> None:
             b"\x28\x85\x80\x80\x80\x80\x80\x80\x80\x80\x00",  # one_5 in ten bytes
             b"\x28" + b"\xff" * 10 + b"\x01",  # eleven bytes
             b"\x2b\x2c",  # a group
-            b"\x9a\x02" + _varint(len(nested)) + nested,  # inner, ninety levels
+            b"\x9a\x02" + encode_varint(len(nested)) + nested,  # inner, ninety levels
             b"\x2d\0\0\0\0",  # one_5 with the wire type of a fixed32
             b"\x00\x01",  # field number 0
             b"\xf2\x01\x02\xff\xfe",  # text that is not UTF-8
@@ -303,11 +304,3 @@ def test_unusable_schema_is_an_error(tmp_path: Path, schema: bytes) -> None:
     path.write_bytes(log_bytes([Declared("/m", "protobuf", "test.Root", "protobuf", schema)], [Sent("/m", T0_NS, b"")]))
     with Log.open(path) as log, pytest.raises(InputError, match="/m"):
         log.columns("/m")
-
-
-def _varint(value: int) -> bytes:
-    encoded = bytearray()
-    while value > 0x7F:
-        encoded.append(value & 0x7F | 0x80)
-        value >>= 7
-    return bytes([*encoded, value])

@@ -7,22 +7,16 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
+from tests.protobuf_bytes import encode_varint
+
 FLOAT = 1
-
-
-def _varint(value: int) -> bytes:
-    made = b""
-    while value > 127:
-        made += bytes([value & 127 | 128])
-        value >>= 7
-    return made + bytes([value])
 
 
 def _field(number: int, value: int | str | bytes) -> bytes:
     if isinstance(value, int):
-        return _varint(number << 3) + _varint(value)
+        return encode_varint(number << 3) + encode_varint(value)
     data = value.encode() if isinstance(value, str) else value
-    return _varint(number << 3 | 2) + _varint(len(data)) + data
+    return encode_varint(number << 3 | 2) + encode_varint(len(data)) + data
 
 
 def _tensor(name: str, values: npt.NDArray[np.float32]) -> bytes:
