@@ -108,12 +108,12 @@ def _leave_network() -> None:
 def _end_with_parent(folder: str | None, parent: int) -> None:
     """Have the system end this process when its parent ends; a private folder is removed then."""
 
-    def leave(number: int, frame: object) -> None:
+    def remove_folder_and_exit(number: int, frame: object) -> None:
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
         os._exit(EXIT_TERMINATED)
 
-    signal.signal(signal.SIGTERM, leave)
+    signal.signal(signal.SIGTERM, remove_folder_and_exit)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's matter
     _call_system("prctl", PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # it has ended already

@@ -253,11 +253,11 @@ def open_output(
         with _write_temporary_file(path, str(target), durable=durable) as (file, output):
             yield output
 
-        def check() -> None:
+        def check_target_and_inputs() -> None:
             _real_path_and_whether_device(target, force=force, inputs=inputs)
             check_unchanged(inputs)
 
-        group.add_written_file(file, check, durable=durable)
+        group.add_written_file(file, check_target_and_inputs, durable=durable)
 
 
 @contextmanager

@@ -212,7 +212,7 @@ def accept_dataclass_of(kind: type[T], checks: Mapping[str, Check]) -> Callable[
         checks: Field with a function -> the check of its results.
     """
 
-    def accept(entry: object, plugin: Plugin) -> T:
+    def check_entry(entry: object, plugin: Plugin) -> T:
         if not isinstance(entry, kind):
             raise plugin.plugin_error(f"is no {kind.__name__} but a {type(entry).__name__}")
         for field in fields(entry):  # type: ignore[arg-type]
@@ -226,7 +226,7 @@ def accept_dataclass_of(kind: type[T], checks: Mapping[str, Check]) -> Callable[
         }
         return replace(entry, **functions)  # type: ignore[type-var]
 
-    return accept
+    return check_entry
 
 
 def guard_plugin_function(
@@ -235,7 +235,7 @@ def guard_plugin_function(
     """Return the function of a plug-in so that its errors, and wrong results, are raised as the plug-in's errors."""
 
     @wraps(function)
-    def call(*arguments: Any, **named_arguments: Any) -> Any:
+    def call_and_check(*arguments: Any, **named_arguments: Any) -> Any:
         with plugin.report_as_plugin_error(f"raised in {name}"):
             result = function(*arguments, **named_arguments)
         if check is None:
@@ -246,7 +246,7 @@ def guard_plugin_function(
             except (TypeError, ValueError) as wrong:
                 raise plugin.plugin_error(f"returned from {name} what it must not: {wrong}") from wrong
 
-    return call
+    return call_and_check
 
 
 def _describe_error_with_place(error: BaseException) -> str:

@@ -73,7 +73,7 @@ def make_image_annotation_channel(
         labels: The words on the frames `start` to `stop`; None for no words.
     """
 
-    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+    def build_fields_of_rows(start: int, stop: int) -> Mapping[str, OutputField]:
         drawn = shapes(start, stop)
         flat = [(stamp, shape) for stamp, each in zip(stamp_ns[start:stop], drawn, strict=True) for shape in each]
         points = np.concatenate([np.zeros((0, 2)), *(shape.points for _, shape in flat)])
@@ -92,7 +92,7 @@ def make_image_annotation_channel(
             fields["texts"] = _text_annotations_of_frames(stamp_ns[start:stop], labels(start, stop))
         return fields
 
-    return StreamedChannel(channel.topic, channel.schema, log_time_ns, make_rows=rows)
+    return StreamedChannel(channel.topic, channel.schema, log_time_ns, make_rows=build_fields_of_rows)
 
 
 def _text_annotations_of_frames(stamp_ns: Int64Array, labels: Sequence[Sequence[ImageLabel]]) -> Repeated:

@@ -305,7 +305,7 @@ def make_lane_annotation_channel(frames: LaneFrames) -> StreamedChannel:
         partial(_visible_boundary_points_px, frames)
     )  # shapes and labels are made of the same rows in turn
 
-    def shapes(start: int, stop: int) -> list[list[ImageShape]]:
+    def image_shapes_of_frames(start: int, stop: int) -> list[list[ImageShape]]:
         return [
             [
                 ImageShape(LINE_STRIP, line, (*colour, 1.0), None, line_thickness_px(width_px))
@@ -315,7 +315,7 @@ def make_lane_annotation_channel(frames: LaneFrames) -> StreamedChannel:
             for pair, width_px in zip(lines(start, stop), frames.image_size[start:stop, 0].tolist(), strict=True)
         ]
 
-    def labels(start: int, stop: int) -> list[list[ImageLabel]]:
+    def image_labels_of_frames(start: int, stop: int) -> list[list[ImageLabel]]:
         texts = boundary_labels(frames.fits[slice(start, stop)])
         if not any(any(pair) for pair in texts):
             return [[] for _ in texts]
@@ -331,7 +331,11 @@ def make_lane_annotation_channel(frames: LaneFrames) -> StreamedChannel:
         ]
 
     return make_image_annotation_channel(
-        LANE_LINES, stamp_ns=frames.stamp_ns, log_time_ns=frames.log_time_ns, shapes=shapes, labels=labels
+        LANE_LINES,
+        stamp_ns=frames.stamp_ns,
+        log_time_ns=frames.log_time_ns,
+        shapes=image_shapes_of_frames,
+        labels=image_labels_of_frames,
     )
 
 
@@ -345,7 +349,7 @@ def make_channel_of_frames_with_lanes(
     """
     row_of = {index: row for row, index in enumerate(frames.index.tolist())}
 
-    def paint(row: int, image: Image) -> Image:
+    def draw_boundaries_of_frame(row: int, image: Image) -> Image:
         points, is_in = _boundary_points_px_and_visibility(frames, slice(row, row + 1))
         lines = [points[0, side][is_in[0, side]] for side in range(2)]
         return draw_boundaries(image, lines, boundary_labels(frames.fits[slice(row, row + 1)])[0])
@@ -357,7 +361,7 @@ def make_channel_of_frames_with_lanes(
         frame_id=frame_id,
         images=images,
         row_of=lambda decoded: row_of.get(decoded.index, -1),
-        paint=paint,
+        paint=draw_boundaries_of_frame,
     )
 
 

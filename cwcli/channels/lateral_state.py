@@ -75,26 +75,26 @@ def read_observed_drive(columns: Columns) -> ObservedDrive:
     order = np.argsort(stamp_ns, kind="stable")
     n = len(order)
 
-    def column(name: str, *, required: bool = True) -> FloatArray:
+    def read_numbers_in_order(name: str, *, required: bool = True) -> FloatArray:
         return read_numbers(columns, name, required=required)[order]
 
-    number = column("status").astype(np.int64) - PUBLISHED_STATUS_MINUS_FRAME_STATUS
+    number = read_numbers_in_order("status").astype(np.int64) - PUBLISHED_STATUS_MINUS_FRAME_STATUS
     if n and not np.isin(number, [status.value for status in FrameStatus]).all():
         raise unusable_field_error(columns, "status")
     status = number.astype(np.int8)
-    preview_m = column("preview_distance_m", required=False)
+    preview_m = read_numbers_in_order("preview_distance_m", required=False)
     track = LateralTrack(
         stamp_ns=stamp_ns[order],
-        state=np.column_stack([column(name) for name in STATE_NAMES]),
+        state=np.column_stack([read_numbers_in_order(name) for name in STATE_NAMES]),
         preview_m=np.where(np.isfinite(preview_m) & (preview_m > 0.0), preview_m, DEFAULT_PREVIEW_POINT_DISTANCE_M),
         covariance=read_matrix(columns, "covariance", N_LATERAL_STATES**2).reshape(
             n, N_LATERAL_STATES, N_LATERAL_STATES
         )[order],
-        speed_mps=column("speed_mps"),
-        steer_rad=column("steer_rad"),
-        curvature_1pm=column("curvature_1pm"),
-        mass_kg=column("mass_kg"),
-        mass_sigma_kg=column("mass_sigma_kg", required=False),
+        speed_mps=read_numbers_in_order("speed_mps"),
+        steer_rad=read_numbers_in_order("steer_rad"),
+        curvature_1pm=read_numbers_in_order("curvature_1pm"),
+        mass_kg=read_numbers_in_order("mass_kg"),
+        mass_sigma_kg=read_numbers_in_order("mass_sigma_kg", required=False),
         status=status,
         counts=count_frame_statuses(status),
     )

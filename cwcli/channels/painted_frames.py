@@ -36,7 +36,7 @@ def painted_frames_channel(
     """
     painting = _FramePainter(images, row_of, paint)
 
-    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+    def build_fields_of_rows(start: int, stop: int) -> Mapping[str, OutputField]:
         jpeg_files = painting.jpeg_files_of_rows(start, stop)
         n = stop - start
         offsets = np.concatenate([[0], np.cumsum([len(each) for each in jpeg_files])]).astype(np.int64)
@@ -47,7 +47,7 @@ def painted_frames_channel(
             "format": repeat_string("jpeg", n),
         }
 
-    return StreamedChannel(topic, "foxglove.CompressedImage", log_time_ns, make_rows=rows)
+    return StreamedChannel(topic, "foxglove.CompressedImage", log_time_ns, make_rows=build_fields_of_rows)
 
 
 class _FramePainter:

@@ -140,7 +140,7 @@ def make_channel_of_frames_with_paths(
     """
     row_of = {stamp: row for row, stamp in enumerate(frames.stamp_ns.tolist())}
 
-    def paint(row: int, image: Image) -> Image:
+    def draw_path_of_frame(row: int, image: Image) -> Image:
         return draw_path(draw_boundaries(image, frames.lane_boundaries_in_pixels(row)), frames.path_in_pixels(row))
 
     return painted_frames_channel(
@@ -150,7 +150,7 @@ def make_channel_of_frames_with_paths(
         frame_id=frame_id,
         images=images,
         row_of=lambda decoded: row_of.get(decoded.stamp_ns, -1),
-        paint=paint,
+        paint=draw_path_of_frame,
     )
 
 

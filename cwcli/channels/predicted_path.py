@@ -150,7 +150,7 @@ def make_lazy_path_channel(channel: Channel, planned: LazyPaths, *, rate_hz: flo
     order = np.argsort(planned.log_time_ns, kind="stable")
     chosen = order[first_rows_of_each_vehicle_and_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
 
-    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+    def build_fields_of_rows(start: int, stop: int) -> Mapping[str, OutputField]:
         own = chosen[start:stop]
         paths = planned.plan.take(own)
         return _predicted_path_fields(
@@ -161,7 +161,7 @@ def make_lazy_path_channel(channel: Channel, planned: LazyPaths, *, rate_hz: flo
         )
 
     return LazyPathChannel(
-        channel.topic, channel.schema, planned.log_time_ns[chosen], make_rows=rows, lazy_paths=planned
+        channel.topic, channel.schema, planned.log_time_ns[chosen], make_rows=build_fields_of_rows, lazy_paths=planned
     )
 
 

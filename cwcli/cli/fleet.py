@@ -47,7 +47,7 @@ def run_on_many_logs(
         progress.begin_step("looking for logs")
         unchanged: set[str] = set()
 
-        def report(task: LogTask | None, status: str, done: int, total: int) -> None:
+        def show_progress_of_log(task: LogTask | None, status: str, done: int, total: int) -> None:
             if task is None:
                 progress.begin_step(f"running {format_count(total, 'log')}")
                 return
@@ -55,7 +55,7 @@ def run_on_many_logs(
             progress.begin_step(f"{done} of {format_count(total, 'log')} done, the last {task.id} ({status})")
             progress(done, total, skipped=len(unchanged))
 
-        fleet = run_fleet(logs, plan, directory, jobs=jobs, ray=ray, force=force, report=report)
+        fleet = run_fleet(logs, plan, directory, jobs=jobs, ray=ray, force=force, report=show_progress_of_log)
     if talk.json:
         console.print_document("run", fleet_document(fleet, directory))
     else:

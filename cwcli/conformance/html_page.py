@@ -122,21 +122,21 @@ def _margin_picture(trials: Sequence[TrialResult]) -> str:
     spare = AXIS_MARGIN_SHARE * max(high - low, TICK_STEPS_S[0])
     low, high = low - spare, high + spare
 
-    def place(margin: float) -> float:
+    def margin_to_x_px(margin: float) -> float:
         return NAME_PX + PLOT_PX * (margin - low) / (high - low)
 
     height = HEAD_PX + ROW_PX * len(trials) + 4
-    zero = place(0.0)
+    zero = margin_to_x_px(0.0)
     lines = [
         f'<rect x="{NAME_PX}" y="{HEAD_PX}" width="{zero - NAME_PX:.1f}" height="{height - HEAD_PX}" fill="#fbeaea"/>',
-        *_margin_axis_svg(low, high, place, height),
+        *_margin_axis_svg(low, high, margin_to_x_px, height),
         f'<line x1="{zero:.1f}" x2="{zero:.1f}" y1="{HEAD_PX}" y2="{height}" stroke="#c02f2f"/>',
     ]
     for k, trial in enumerate(trials):
         y = HEAD_PX + ROW_PX * (k + 0.5)
         text = f'y="{y + 4:.1f}" font-size="12"'
         lines.append(f'<text x="0" {text}>{escape(_shorten_keeping_end(trial.trial.name))}</text>')
-        lines += [_outcome_mark_svg(place(margin), y, outcome) for margin, outcome in found[trial.trial.name]]
+        lines += [_outcome_mark_svg(margin_to_x_px(margin), y, outcome) for margin, outcome in found[trial.trial.name]]
         words = trial.margin_text or trial.worst_text
         colour = COLOUR_BY_OUTCOME[trial.outcome]
         lines.append(

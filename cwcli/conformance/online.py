@@ -112,7 +112,7 @@ def make_pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
         horizon_s: How far the paths and the rule look ahead; None: the defaults.
     """
 
-    def warn(trial: SimulatedTrial) -> tuple[RaisedWarning, ...]:
+    def run_stages_and_list_warnings(trial: SimulatedTrial) -> tuple[RaisedWarning, ...]:
         assert trial.drive is not None
         with open_in_memory(trial.drive) as log:
             _, result = _run_stages(log, rule, WARNING_PIPELINE_STAGES, horizon_s)
@@ -121,7 +121,7 @@ def make_pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
         rows = sorted((int(row["raised_ns"]), str(row["other_id"])) for row in events.rows_as_dicts())
         return tuple(RaisedWarning((raised - start_ns) / NS_PER_S, other) for raised, other in rows)
 
-    return warn
+    return run_stages_and_list_warnings
 
 
 def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, with_warnings: bool) -> Log:

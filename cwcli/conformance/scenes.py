@@ -374,7 +374,7 @@ def build_following(given: Mapping[str, float]) -> BuiltScene:
         raise _impossible_scene_error(f"the lower speed ({lower:.2f} m/s) must be below {speed:.2f} m/s")
     reaction_s = given.get("reaction_time", 0.0)
 
-    def braking(begin_s: float) -> list[dict[str, Any]]:
+    def braking_segments(begin_s: float) -> list[dict[str, Any]]:
         change = {
             "speed_mps": lower,
             "limit_mps2": deceleration,
@@ -392,11 +392,11 @@ def build_following(given: Mapping[str, float]) -> BuiltScene:
         + 3.0
     )
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": speed, "longitudinal": braking(STEADY_TIME_BEFORE_EVENT_S + reaction_s)},
+        HOST_NAME: {"speed_mps": speed, "longitudinal": braking_segments(STEADY_TIME_BEFORE_EVENT_S + reaction_s)},
         PRINCIPAL_OTHER_VEHICLE_NAME: {
             "speed_mps": speed,
             "x_m": _centre_distance_m(gap_m),
-            "longitudinal": braking(STEADY_TIME_BEFORE_EVENT_S),
+            "longitudinal": braking_segments(STEADY_TIME_BEFORE_EVENT_S),
         },
     }
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_TIME_BEFORE_EVENT_S)

@@ -233,7 +233,7 @@ def _log_likelihood_gains_over_nominal_axis_and_unit(
     """
     used = [reference for reference in references if np.isfinite(reference).sum() >= MIN_COMPARED_STEPS]
 
-    def residuals(axis: int, factor: float) -> list[StepResiduals]:
+    def axis_residuals_of_steps(axis: int, factor: float) -> list[StepResiduals]:
         column = math.copysign(factor, axis) * axis_columns[:, abs(axis) - 1]
         found = []
         for reference in used:
@@ -247,7 +247,9 @@ def _log_likelihood_gains_over_nominal_axis_and_unit(
         return found
 
     keys = list(product(SIGNED_IMU_AXES, range(len(units))))
-    gains = log_likelihood_gains(residuals(nominal_axis, 1.0), [residuals(axis, units[unit]) for axis, unit in keys])
+    gains = log_likelihood_gains(
+        axis_residuals_of_steps(nominal_axis, 1.0), [axis_residuals_of_steps(axis, units[unit]) for axis, unit in keys]
+    )
     return dict(zip(keys, gains, strict=True))
 
 

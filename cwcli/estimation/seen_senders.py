@@ -234,12 +234,12 @@ def _sender_and_overlap_masks_with_distance(
     first = np.maximum(first, np.searchsorted(received_ns, received_ns - round(SENDER_OFFSET_WINDOW_S * NS_PER_S)))
     counts = np.arange(1, n + 1) - first
 
-    def mean(values: FloatArray) -> FloatArray:
+    def moving_mean(values: FloatArray) -> FloatArray:
         total = np.append(0.0, np.cumsum(values))
         return np.asarray((total[1:] - total[first]) / counts)
 
     own, other = _squared_distances_to_sender_and_to_other(
-        compared, mean(along), mean(across), mean(variance_along), mean(variance_across)
+        compared, moving_mean(along), moving_mean(across), moving_mean(variance_along), moving_mean(variance_across)
     )
     is_inside = agrees & (own <= MAX_SQUARED_SIGMAS_FROM_SENDER) & (other > 0.0) & (counts >= MIN_MOMENTS_FOR_OFFSET)
     is_same = is_inside & compared.is_fresh & (other - own >= MIN_SQUARED_SIGMAS_ADVANTAGE)

@@ -114,11 +114,13 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int, *, may_be_ambi
         return None
     others = [m for i, m in enumerate(motions) if i != suspect]
 
-    def residuals(s: SensorSeries) -> list[StepResiduals]:
+    def step_residuals_against_others(s: SensorSeries) -> list[StepResiduals]:
         motion = compute_step_motion(s, edges_s)
         return [each for other in others for each in pair_residuals(motion, other)]
 
-    gains = log_likelihood_gains(residuals(own), [residuals(h.correct_series(own)) for h in hypotheses])
+    gains = log_likelihood_gains(
+        step_residuals_against_others(own), [step_residuals_against_others(h.correct_series(own)) for h in hypotheses]
+    )
     ranked = sorted(
         zip(hypotheses, gains, strict=True),
         key=lambda each: each[1] - LOG_LIKELIHOOD_COST_OF_SECOND_FAULT * ("+" in each[0].name),

@@ -82,7 +82,7 @@ def judge_sources(
     prepared, notes = prepare(current)
     unused: set[SourceQuantity] = set()
 
-    def take(attempt: CorrectionAttempt) -> None:
+    def apply_correction_attempt(attempt: CorrectionAttempt) -> None:
         nonlocal current, prepared, notes
         corrections.append(attempt.correction)
         unused.update(attempt.unused)
@@ -101,7 +101,7 @@ def judge_sources(
             ]
             tried = gain_and_attempt_of_imu_correction(m, current, others, prepare)
             if tried is not None:
-                take(tried[1])
+                apply_correction_attempt(tried[1])
     # Where the other sources cannot tell, size and direction of the values still do.
     current, impossible = correct_and_list_imu_units_and_tilt(current, trusted)
     if impossible:
@@ -114,7 +114,7 @@ def judge_sources(
         attempt = correct_one_source(current, prepared, voted.comparisons, prepare, trusted)
         if attempt is None:
             break
-        take(attempt)
+        apply_correction_attempt(attempt)
     current, turned_imus = correct_and_list_turned_imus(current, voted.prepared, trusted)
     current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
     if turned_imus or scaled:

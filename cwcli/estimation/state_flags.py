@@ -70,13 +70,13 @@ def compute_state_flags(
     """
     flags = np.zeros(len(output_s), np.uint8)
 
-    def mark(flag: StateFlag, begin_s: FloatArray, end_s: FloatArray) -> None:
+    def set_flag_between(flag: StateFlag, begin_s: FloatArray, end_s: FloatArray) -> None:
         flags[_inside_any_interval_mask(output_s, begin_s, end_s)] |= np.uint8(flag)
 
     shown_s = start.time_s if causal else max(start.time_s, first_heading_time_s(series))
     restart_s = np.array([each.time_s for each in restarts])
     started_s = np.append(restart_s, shown_s)
-    mark(StateFlag.STARTING, np.append(restart_s, -np.inf), _settling_ends_s(series, started_s))
+    set_flag_between(StateFlag.STARTING, np.append(restart_s, -np.inf), _settling_ends_s(series, started_s))
     for s, found in zip(series, status, strict=True):
         if s.kind in RATE_KINDS:
             continue
@@ -85,11 +85,11 @@ def compute_state_flags(
         rows = np.flatnonzero(found == UpdateStatus.USED_AFTER_RESET)
         # the first row behind the last one that was believed before
         begins = rows if causal else np.append(-1, believed)[np.searchsorted(believed, rows)] + 1
-        mark(StateFlag.AFTER_RESET, time[begins], time[rows] + FLAGGED_TIME_AFTER_START_S)
+        set_flag_between(StateFlag.AFTER_RESET, time[begins], time[rows] + FLAGGED_TIME_AFTER_START_S)
     if causal:
         for s, found in zip(series, status, strict=True):
-            mark(StateFlag.REJECTING, *begins_ends_and_rows_of_rejecting_spans(s, found)[:2])
-    mark(StateFlag.BRIDGED, *_begins_and_ends_of_position_gaps_s(series, status, causal=causal))
+            set_flag_between(StateFlag.REJECTING, *begins_ends_and_rows_of_rejecting_spans(s, found)[:2])
+    set_flag_between(StateFlag.BRIDGED, *_begins_and_ends_of_position_gaps_s(series, status, causal=causal))
     return flags
 
 

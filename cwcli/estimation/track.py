@@ -226,7 +226,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
         positions if config.blind else measurements
     )  # a row that comes later may be of an earlier time
 
-    def prepare(current: Sequence[Measurements]) -> tuple[list[PreparedSeries], list[str]]:
+    def prepare_series_with_lever_arms(current: Sequence[Measurements]) -> tuple[list[PreparedSeries], list[str]]:
         prepared, notes = _prepare_series_and_notes(current, zero_ns, config)
         return set_given_lever_arms(prepared, config.lever_arms), notes
 
@@ -236,12 +236,14 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     # Where no state may depend on what the whole log shows, it is told, and nothing is changed.
     looks_ahead = not (config.blind or (config.causal and config.calibration is not None))
     if config.compares_sources:
-        judged_sources = judge_sources(measurements, prepare, trusted=trusted, looks_ahead=looks_ahead)
+        judged_sources = judge_sources(
+            measurements, prepare_series_with_lever_arms, trusted=trusted, looks_ahead=looks_ahead
+        )
     else:
         corrected, found = (
             correct_and_list_imu_units_and_tilt(measurements, trusted) if looks_ahead else (measurements, [])
         )
-        judged_sources = JudgedSources(*prepare(corrected), tuple(found), ())
+        judged_sources = JudgedSources(*prepare_series_with_lever_arms(corrected), tuple(found), ())
     if looks_ahead:
         prepared, coarse_notes = keep_changes_and_standstills_of_coarse_speeds_and_note(judged_sources.prepared)
         judged_sources = replace(judged_sources, prepared=prepared, notes=[*judged_sources.notes, *coarse_notes])

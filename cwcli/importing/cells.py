@@ -154,11 +154,11 @@ def _degrees_of_minutes(texts: ArrowArray) -> tuple[FloatArray, npt.NDArray[np.o
 
     parts = pc.extract_regex(texts, _DEGREES_MINUTES_PATTERN)
 
-    def number(name: str) -> FloatArray:
+    def parse_number_part(name: str) -> FloatArray:
         cells = pc.struct_field(parts, name)
         return _arrow_numbers_to_floats(pc.if_else(pc.equal(cells, ""), "0", cells).cast(pa.float64()))
 
-    degrees = number("deg") + number("min") / 60.0 + number("sec") / 3600.0
+    degrees = parse_number_part("deg") + parse_number_part("min") / 60.0 + parse_number_part("sec") / 3600.0
     is_negative = np.asarray(pc.equal(pc.struct_field(parts, "sign"), "-").fill_null(False))
     half = pc.utf8_upper(pc.binary_join_element_wise(pc.struct_field(parts, "a"), pc.struct_field(parts, "b"), ""))
     return np.where(is_negative, -degrees, degrees), np.array(half.fill_null("").to_pylist(), dtype=object)

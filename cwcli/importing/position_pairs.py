@@ -62,7 +62,7 @@ def _pattern_of_pairs(column: str, array: Any) -> tuple[str, str] | None:
 def _split_column(table: SourceTable, column: str, why: str, pattern: str) -> SourceTable:
     names = {f"{column} (latitude)": "lat", f"{column} (longitude)": "lon"}
 
-    def read(wanted: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(wanted: Sequence[str]) -> Iterator[Batch]:
         import pyarrow.compute as pc
 
         plain = [name for name in dict.fromkeys(wanted) if name not in names]
@@ -76,7 +76,7 @@ def _split_column(table: SourceTable, column: str, why: str, pattern: str) -> So
     return replace(
         table,
         columns=(*table.columns, *names),
-        read_batches=read,
+        read_batches=read_column_batches,
         presets={**table.presets, **presets},
         notes=[*table.notes, note],
     )

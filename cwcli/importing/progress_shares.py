@@ -19,13 +19,13 @@ def follow_shares(progress: Callable[[float, float], None]) -> int:
     """Return the end of a pipe into which shares are written, a line each; the caller closes it."""
     reading, writing = os.pipe()
 
-    def follow() -> None:
+    def forward_progress_lines() -> None:
         with os.fdopen(reading) as lines:
             for line in lines:
                 with suppress(ValueError):
                     progress(float(line), 1.0)
 
-    threading.Thread(target=follow, daemon=True).start()
+    threading.Thread(target=forward_progress_lines, daemon=True).start()
     return writing
 
 

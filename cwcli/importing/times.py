@@ -223,28 +223,30 @@ def _text_times_of_regex_match(found: Any) -> TextTimes:
     n = len(found)
     valid = ~np.asarray(pc.is_null(found))
 
-    def texts(name: str) -> Any:
+    def text_parts(name: str) -> Any:
         return pc.struct_field(found, name).fill_null("") if name in names else pa.array([""] * n)
 
-    def integers(name: str, filler: str = "0") -> Int64Array:
-        column = texts(name)
+    def integer_parts(name: str, filler: str = "0") -> Int64Array:
+        column = text_parts(name)
         return np.asarray(pc.if_else(pc.equal(column, ""), filler, column).cast(pa.int64())).astype(np.int64)
 
     parts = (
-        np.stack([integers(name, "-1") for name in "abc"], axis=1) if "a" in names else np.full((n, 3), -1, np.int64)
+        np.stack([integer_parts(name, "-1") for name in "abc"], axis=1)
+        if "a" in names
+        else np.full((n, 3), -1, np.int64)
     )
-    hour, minute, second = integers("hour"), integers("minute"), integers("second")
-    part = np.asarray(pc.utf8_rpad(texts("part"), 9, "0").cast(pa.int64())).astype(np.int64)
-    half = np.asarray(pc.utf8_upper(pc.utf8_slice_codeunits(texts("half"), 0, 1)).to_pylist())
+    hour, minute, second = integer_parts("hour"), integer_parts("minute"), integer_parts("second")
+    part = np.asarray(pc.utf8_rpad(text_parts("part"), 9, "0").cast(pa.int64())).astype(np.int64)
+    half = np.asarray(pc.utf8_upper(pc.utf8_slice_codeunits(text_parts("half"), 0, 1)).to_pylist())
     hour = np.where(half == "P", np.where(hour < 12, hour + 12, hour), np.where((half == "A") & (hour == 12), 0, hour))
     valid &= (hour < 24) & (minute < 60) & (second < 61)
-    zone = texts("zone").dictionary_encode()
+    zone = text_parts("zone").dictionary_encode()
     offsets = np.array([_utc_offset_or_nan_s(text) for text in zone.dictionary.to_pylist()] or [np.nan])
     offset_s = offsets[np.asarray(zone.indices)] if n else np.zeros(0)
     valid &= ~(np.abs(offset_s) > MAX_ZONE_OFFSET_S)
-    marks = [mark for mark in pc.unique(texts("mark")).to_pylist() if mark]
+    marks = [mark for mark in pc.unique(text_parts("mark")).to_pylist() if mark]
     ns_of_day = ((hour * 60 + minute) * 60 + second) * NS_PER_S + part
-    has_seconds = "second" not in names or pc.any(pc.not_equal(texts("second"), "")).as_py() is True
+    has_seconds = "second" not in names or pc.any(pc.not_equal(text_parts("second"), "")).as_py() is True
     return TextTimes(parts, ns_of_day, offset_s, valid, marks[0] if marks else "", has_seconds)
 
 

@@ -33,10 +33,10 @@ def measure_extremes_table(ego_id: str, pairs: Sequence[MeasuredPair], measures:
     """The table with one row per measure of a pair, for the whole time (encounter 0) and for each encounter."""
     rows = [(pair.other_id, extreme) for pair in pairs for extreme in pair.extremes]
 
-    def whole(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    def integer_column(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
         return np.array([getattr(extreme, name) for _, extreme in rows], np.int64)
 
-    def numbers(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    def float_column(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         return np.array([getattr(extreme, name) for _, extreme in rows], np.float64)
 
     return Table(
@@ -44,14 +44,14 @@ def measure_extremes_table(ego_id: str, pairs: Sequence[MeasuredPair], measures:
         {
             "ego_id": repeat_string(ego_id, len(rows)),
             "other_id": encode_strings([other for other, _ in rows]),
-            "encounter": whole("encounter"),
-            "begin_stamp_ns": whole("begin_ns"),
-            "end_stamp_ns": whole("end_ns"),
+            "encounter": integer_column("encounter"),
+            "begin_stamp_ns": integer_column("begin_ns"),
+            "end_stamp_ns": integer_column("end_ns"),
             "measure": encode_strings([extreme.measure for _, extreme in rows]),
-            "value": numbers("value"),
+            "value": float_column("value"),
             "unit": [measures[extreme.measure].unit for _, extreme in rows],
-            "stamp_ns": whole("stamp_ns"),
-            "sigma": numbers("sigma"),
+            "stamp_ns": integer_column("stamp_ns"),
+            "sigma": float_column("sigma"),
         },
         docs={
             "encounter": ColumnDoc(doc="0: the whole time within 200 m; from 1: encounters within 50 m"),

@@ -183,17 +183,17 @@ def recent_shrunk_acceleration_mps2(track: LateralTrack) -> FloatArray:
     first = np.searchsorted(time_s, time_s - ACCEL_SLOPE_WINDOW_S - 1e-9)
     last = np.arange(len(speed)) + 1
 
-    def total(values: FloatArray) -> FloatArray:
+    def sum_in_windows(values: FloatArray) -> FloatArray:
         sums = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
         return np.asarray(sums[last] - sums[first])
 
-    n, t, vt = total(np.ones_like(v)), total(time_s), total(v * time_s)
+    n, t, vt = sum_in_windows(np.ones_like(v)), sum_in_windows(time_s), sum_in_windows(v * time_s)
     count = np.maximum(n, 1.0)
-    spread = total(time_s**2) - t * t / count
+    spread = sum_in_windows(time_s**2) - t * t / count
     enough = (n >= MIN_ACCEL_FRAMES) & (spread > 1e-6) & known
     spread = np.where(enough, spread, 1.0)
-    slope = (vt - t * total(v) / count) / spread
-    left = np.maximum(total(v * v) - total(v) ** 2 / count - slope**2 * spread, 0.0)
+    slope = (vt - t * sum_in_windows(v) / count) / spread
+    left = np.maximum(sum_in_windows(v * v) - sum_in_windows(v) ** 2 / count - slope**2 * spread, 0.0)
     variance = left / np.maximum(n - 2.0, 1.0) / spread
     share = 1.0 - MAX_ZEROED_ACCEL_SIGMAS**2 * variance / np.maximum(slope**2, 1e-12)
     return np.where(enough, slope * np.maximum(share, 0.0), 0.0)

@@ -169,16 +169,16 @@ def _interpolate_at_horizons(paths: Paths, horizon_s: FloatArray) -> dict[str, F
     after = _indices_of_points_after(paths.time_s, horizon_s)
     share = (horizon_s - paths.time_s[after - 1]) / (paths.time_s[after] - paths.time_s[after - 1])
 
-    def interpolate(values: FloatArray) -> FloatArray:
+    def interpolate_paths(values: FloatArray) -> FloatArray:
         return np.asarray(values[:, after - 1] + share * (values[:, after] - values[:, after - 1]))
 
     covariance = paths.position_covariance_m2
-    core = {} if paths.core_factor is None else {"core": interpolate(paths.core_factor)}
+    core = {} if paths.core_factor is None else {"core": interpolate_paths(paths.core_factor)}
     return core | {
-        "x": interpolate(paths.x_m),
-        "y": interpolate(paths.y_m),
-        "heading": interpolate(paths.heading_rad),
-        "xx": interpolate(covariance[..., 0]),
-        "xy": interpolate(covariance[..., 1]),
-        "yy": interpolate(covariance[..., 2]),
+        "x": interpolate_paths(paths.x_m),
+        "y": interpolate_paths(paths.y_m),
+        "heading": interpolate_paths(paths.heading_rad),
+        "xx": interpolate_paths(covariance[..., 0]),
+        "xy": interpolate_paths(covariance[..., 1]),
+        "yy": interpolate_paths(covariance[..., 2]),
     }

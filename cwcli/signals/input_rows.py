@@ -63,12 +63,12 @@ def lazy_builder(*places: str) -> Build:
     All are imported when a channel is built, because binding (`cwcli info`) needs no NumPy.
     """
 
-    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
+    def call_builder(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
         function, *first_arguments = map(load_attribute_of_signals, places)
         built: tuple[Signal, Quality] = function(*first_arguments, columns, reading)
         return built
 
-    return build
+    return call_builder
 
 
 def inputs_of_message(fields: Fields, rank: int | None = 0, **builder_by_role: str) -> tuple[Input, ...]:

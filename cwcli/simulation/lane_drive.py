@@ -121,13 +121,13 @@ def simulate_lane_runs(
     for i in range(n - 1):
         t, x, a = float(time_s[i]), states[i], unrest[i]
 
-        def slope(dt: float, moved: FloatArray, t: float = t, a: FloatArray = a) -> FloatArray:
+        def state_derivative(dt: float, moved: FloatArray, t: float = t, a: FloatArray = a) -> FloatArray:
             return _state_derivative(t + dt, moved, a, road, vehicle, runs, driver)
 
-        k1 = slope(0.0, x)
-        k2 = slope(INTEGRATION_STEP_S / 2, x + INTEGRATION_STEP_S / 2 * k1)
-        k3 = slope(INTEGRATION_STEP_S / 2, x + INTEGRATION_STEP_S / 2 * k2)
-        k4 = slope(INTEGRATION_STEP_S, x + INTEGRATION_STEP_S * k3)
+        k1 = state_derivative(0.0, x)
+        k2 = state_derivative(INTEGRATION_STEP_S / 2, x + INTEGRATION_STEP_S / 2 * k1)
+        k3 = state_derivative(INTEGRATION_STEP_S / 2, x + INTEGRATION_STEP_S / 2 * k2)
+        k4 = state_derivative(INTEGRATION_STEP_S, x + INTEGRATION_STEP_S * k3)
         states[i + 1] = x + INTEGRATION_STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return _build_lane_drive_truth(time_s, states, road, vehicle, runs)
 

@@ -125,14 +125,14 @@ def _spread_paths_over_frames(
     time_s = paths.time_s if len(paths) else np.array([0.0, max(horizon_s, MIN_PLACEHOLDER_PATH_DURATION_S)])
     k = len(time_s)
 
-    def spread(values: FloatArray) -> FloatArray:
+    def fill_rows_with_paths(values: FloatArray) -> FloatArray:
         whole = np.full((n, k, *values.shape[2:]), np.nan)
         if len(path_indices):
             whole[rows] = values[path_indices]
         return whole
 
     parts = (paths.x_m, paths.y_m, paths.heading_rad, paths.speed_mps, paths.position_covariance_m2)
-    return Paths(time_s, *(spread(part) for part in parts))
+    return Paths(time_s, *(fill_rows_with_paths(part) for part in parts))
 
 
 def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[SummaryTable, ...]:

@@ -86,12 +86,12 @@ def _parse_sigmas(text: str) -> tuple[float, ...]:
 def _make_choice_parser(*names: str) -> Callable[[str], str]:
     """Make a parser that accepts these names only."""
 
-    def choose(text: str) -> str:
+    def require_known_name(text: str) -> str:
         if text not in names:
             raise ValueError(text)
         return text
 
-    return choose
+    return require_known_name
 
 
 _RANGE_RATE_SETTINGS: dict[str, dict[str, bool]] = {

@@ -132,7 +132,7 @@ def tune_noise(targets: Sequence[DetectionRows], config: FilterConfig) -> TunedF
     turn = motion.turn_noise if config.turn_noise is None else config.turn_noise
     n_process = 2 if motion.turn_noise > 0.0 else 1
 
-    def decode(theta: FloatArray) -> tuple[FilterConfig, dict[str, tuple[float, ...]]]:
+    def config_and_scales_of_parameters(theta: FloatArray) -> tuple[FilterConfig, dict[str, tuple[float, ...]]]:
         factors = np.exp(theta)
         tuned = replace(config, noise=noise * float(factors[0]))
         if n_process == 2:
@@ -144,16 +144,16 @@ def tune_noise(targets: Sequence[DetectionRows], config: FilterConfig) -> TunedF
             at += width
         return tuned, scale
 
-    def cost(theta: FloatArray) -> float:
+    def negative_log_likelihood(theta: FloatArray) -> float:
         if np.abs(theta).max() > math.log(MAX_TUNED_NOISE_FACTOR):
             return 1e300
-        tuned, scale = decode(theta)
+        tuned, scale = config_and_scales_of_parameters(theta)
         return -sum(log_likelihood_of_rows(scale_sigmas(t, scale), tuned) for t in targets)
 
     start = np.zeros(n_process + sum(widths))
-    before = -cost(start)
+    before = -negative_log_likelihood(start)
     if not any(len(t) > 10 for t in targets):
         return TunedFilter(config, {}, before, before, 1)
-    theta, value, calls = minimise_by_nelder_mead_and_count_calls(cost, start)
-    tuned, scale = decode(theta)
+    theta, value, calls = minimise_by_nelder_mead_and_count_calls(negative_log_likelihood, start)
+    tuned, scale = config_and_scales_of_parameters(theta)
     return TunedFilter(replace(tuned, tune=False), scale, before, -value, calls + 1)

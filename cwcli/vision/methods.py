@@ -15,13 +15,13 @@ def _check_plugin_method(entry: object, plugin: Plugin) -> Method:
     """Check a plug-in's method, and guard its searches too."""
     method = accept_dataclass_of(Method, {"search_size": check_search_size})(entry, plugin)
 
-    def make(seed: int) -> LaneSearch:
+    def make_guarded_search(seed: int) -> LaneSearch:
         search = method.make(seed)
         if not callable(getattr(search, "step", None)):
             raise plugin.plugin_error(f"makes a {type(search).__name__}, which has no step")
         return SimpleNamespace(step=guard_plugin_function(search.step, "step", check_lane_fit, plugin))
 
-    return replace(method, make=make, carry=None)  # a guarded search has nothing but its step
+    return replace(method, make=make_guarded_search, carry=None)  # a guarded search has nothing but its step
 
 
 METHODS: Registry[Method] = Registry(

@@ -88,10 +88,10 @@ def onnx_method_of_file(path: Path) -> Method:
     def search_size(width_px: int, height_px: int) -> tuple[int, int]:
         return net.description.search_size()
 
-    def make(seed: int) -> LaneSearch:
+    def make_onnx_search(seed: int) -> LaneSearch:
         return OnnxLaneSearch(net)
 
-    return replace(METHOD, search_size=search_size, make=make)
+    return replace(METHOD, search_size=search_size, make=make_onnx_search)
 
 
 def _raise_missing_model(*_: int) -> LaneSearch:

@@ -25,7 +25,7 @@ def make_frame_preparer(method: Method, rectifier: Rectifier | None) -> Callable
     if method.prepare is None and rectifier is None:
         return None
 
-    def prepare(decoded: DecodedFrame) -> PreparedFrame:
+    def rectify_and_scale_frame(decoded: DecodedFrame) -> PreparedFrame:
         assert decoded.image is not None
         grey, colour = decoded.image, decoded.colour
         if rectifier is not None:
@@ -34,4 +34,4 @@ def make_frame_preparer(method: Method, rectifier: Rectifier | None) -> Callable
             colour = None if colour is None else rectifier.rectify_image(colour, size)
         return PreparedFrame(grey, None if method.prepare is None else method.prepare(grey), colour)
 
-    return prepare
+    return rectify_and_scale_frame

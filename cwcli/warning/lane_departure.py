@@ -339,19 +339,21 @@ def _departure_events_table(
     def at_raise(name: str) -> FloatArray:
         return np.array([float(getattr(sides[at], name)[span.raised]) for _, at, span in events], dtype=np.float64)
 
-    def stamps(values: list[int]) -> Int64Array:
+    def to_stamps(values: list[int]) -> Int64Array:
         return np.array(values, dtype=np.int64)
 
-    def times(clock_ns: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
-        raised, last = (stamps([int(clock_ns[getattr(s, name)]) for _, _, s in events]) for name in ("raised", "last"))
+    def raised_last_and_cleared_ns(clock_ns: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
+        raised, last = (
+            to_stamps([int(clock_ns[getattr(s, name)]) for _, _, s in events]) for name in ("raised", "last")
+        )
         cleared = [NOT_CLEARED_NS if span.cleared is None else int(clock_ns[span.cleared]) for _, _, span in events]
-        return raised, last, stamps(cleared)
+        return raised, last, to_stamps(cleared)
 
-    raised_ns, last_ns, cleared_ns = times(known_ns)
-    raised_stamp_ns, last_stamp_ns, cleared_stamp_ns = times(stamp_ns)
+    raised_ns, last_ns, cleared_ns = raised_last_and_cleared_ns(known_ns)
+    raised_stamp_ns, last_stamp_ns, cleared_stamp_ns = raised_last_and_cleared_ns(stamp_ns)
     gap, rate = at_raise("gap_m"), at_raise("rate_mps")
     columns: dict[str, Any] = {
-        "event_id": stamps([number for number, _, _ in events]),
+        "event_id": to_stamps([number for number, _, _ in events]),
         "rule": [LANE_DEPARTURE_RULE_NAME] * len(events),
         "host_id": [host_id] * len(events),
         "side": [SIDES[at] for _, at, _ in events],
@@ -405,19 +407,19 @@ def _frame_counts_by_outcome(
 ) -> dict[str, int]:
     """Number of frames, by what became of them."""
 
-    def missing(line: FloatArray) -> BoolArray:
+    def missing_row_mask(line: FloatArray) -> BoolArray:
         return np.asarray(np.isnan(line).any(axis=1), dtype=np.bool_)
 
     fast = speed_mps >= config.min_speed_mps
-    wrong = missing(lines[0]) & ~missing(boundaries.left) & ~missing(boundaries.right)
+    wrong = missing_row_mask(lines[0]) & ~missing_row_mask(boundaries.left) & ~missing_row_mask(boundaries.right)
     return {
         "frames": len(speed_mps),
-        "left_evaluated": int(np.count_nonzero(fast & ~missing(lines[0]))),
-        "right_evaluated": int(np.count_nonzero(fast & ~missing(lines[1]))),
-        "left_not_found": int(np.count_nonzero(missing(boundaries.left))),
-        "right_not_found": int(np.count_nonzero(missing(boundaries.right))),
-        "left_too_new_or_jumped": int(np.count_nonzero(fast & ~missing(lines[0]) & (agreed_s[0] < 0.0))),
-        "right_too_new_or_jumped": int(np.count_nonzero(fast & ~missing(lines[1]) & (agreed_s[1] < 0.0))),
+        "left_evaluated": int(np.count_nonzero(fast & ~missing_row_mask(lines[0]))),
+        "right_evaluated": int(np.count_nonzero(fast & ~missing_row_mask(lines[1]))),
+        "left_not_found": int(np.count_nonzero(missing_row_mask(boundaries.left))),
+        "right_not_found": int(np.count_nonzero(missing_row_mask(boundaries.right))),
+        "left_too_new_or_jumped": int(np.count_nonzero(fast & ~missing_row_mask(lines[0]) & (agreed_s[0] < 0.0))),
+        "right_too_new_or_jumped": int(np.count_nonzero(fast & ~missing_row_mask(lines[1]) & (agreed_s[1] < 0.0))),
         "implausible_width": int(np.count_nonzero(wrong)),
         "too_slow": int(np.count_nonzero(speed_mps < config.min_speed_mps)),
         "speed_not_known": int(np.count_nonzero(~np.isfinite(speed_mps))),

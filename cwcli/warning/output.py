@@ -120,22 +120,22 @@ def evaluation_series_table(pairs: Sequence[PairEvaluation], *, host_id: str) ->
     """The table with one row per evaluation of a pair within reach."""
     total = sum(len(own.stamp_ns) for own in pairs)
 
-    def concatenate(parts: list[Any], dtype: Any) -> Any:
+    def concatenate_or_empty(parts: list[Any], dtype: Any) -> Any:
         return np.concatenate(parts) if parts else np.zeros(0, dtype)
 
     columns: dict[str, Any] = {
-        "stamp_ns": concatenate([own.stamp_ns for own in pairs], np.int64),
+        "stamp_ns": concatenate_or_empty([own.stamp_ns for own in pairs], np.int64),
         "host_id": repeat_string(host_id, total),
         "other_id": Strings(
-            concatenate([np.full(len(own.stamp_ns), at, np.int32) for at, own in enumerate(pairs)], np.int32),
+            concatenate_or_empty([np.full(len(own.stamp_ns), at, np.int32) for at, own in enumerate(pairs)], np.int32),
             tuple(own.other.id for own in pairs),
         ),
-        "age_s": concatenate([own.age_s for own in pairs], np.float64),
+        "age_s": concatenate_or_empty([own.age_s for own in pairs], np.float64),
     }
     for column, field in _MEASURE_FIELDS_BY_SERIES_COLUMN.items():
-        columns[column] = concatenate([getattr(own.measures, field) for own in pairs], np.float64)
-    columns["is_withheld"] = concatenate([own.is_withheld for own in pairs], np.bool_)
-    columns["is_active"] = concatenate([_is_warning_active_mask(own) for own in pairs], np.bool_)
+        columns[column] = concatenate_or_empty([getattr(own.measures, field) for own in pairs], np.float64)
+    columns["is_withheld"] = concatenate_or_empty([own.is_withheld for own in pairs], np.bool_)
+    columns["is_active"] = concatenate_or_empty([_is_warning_active_mask(own) for own in pairs], np.bool_)
     return Table("series", columns)
 
 

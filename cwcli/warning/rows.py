@@ -73,7 +73,7 @@ def build_warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -
     ordered = sorted(rows, key=lambda row: (row.log_time_ns, row.event_id, row.state))
     columns = dict(zip(WarningRow._fields, zip(*ordered, strict=True), strict=True)) if ordered else {}
 
-    def arrays(dtype: Any, *names: str) -> dict[str, Any]:
+    def arrays_by_column(dtype: Any, *names: str) -> dict[str, Any]:
         return {name: np.array(columns.get(name, ()), dtype) for name in names}
 
     return WarningRows(
@@ -81,7 +81,9 @@ def build_warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -
         host_id=repeat_string(host_id, len(ordered)),
         other_id=encode_strings(list(columns.get("other_id", ()))),
         message=encode_strings(list(columns.get("message", ()))),
-        **arrays(np.int64, "log_time_ns", "stamp_ns", "known_ns", "event_id"),
-        **arrays(np.int32, "state"),
-        **arrays(np.float64, "time_to_event_s", "predicted_distance_m", "ttc_s", "probability", "alert_probability"),
+        **arrays_by_column(np.int64, "log_time_ns", "stamp_ns", "known_ns", "event_id"),
+        **arrays_by_column(np.int32, "state"),
+        **arrays_by_column(
+            np.float64, "time_to_event_s", "predicted_distance_m", "ttc_s", "probability", "alert_probability"
+        ),
     )

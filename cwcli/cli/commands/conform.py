@@ -223,11 +223,11 @@ def _run_or_read_trials(
                 raise UsageError(f"{option} is for a recorded trial", hint="name the log with --log")
         progress.begin_step(f"driving the trials of {', '.join(names)}")
 
-        def tick(text: str, n_done: int, n_trials: int) -> None:
+        def show_progress(text: str, n_done: int, n_trials: int) -> None:
             progress.begin_step(text)
             progress(n_done, n_trials)
 
-        return run_clauses(names, config, tick, RepetitionCache(trials.cache) if trials.cache else None)
+        return run_clauses(names, config, show_progress, RepetitionCache(trials.cache) if trials.cache else None)
     from cwcli.conformance.recorded import LogTrial, judge_log
 
     if trials.seeds is not None or trials.grade is not None or trials.cache is not None:

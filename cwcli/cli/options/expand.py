@@ -127,12 +127,12 @@ def _hint_with_help_heading(heading: str | None) -> _OptionChange:
 def _hint_with_stage_in_flags(stage: str) -> _OptionChange:
     """Return the change that adds the stage's name to an option's flags."""
 
-    def change(option: Declaration) -> Declaration:
+    def add_stage_to_flags(option: Declaration) -> Declaration:
         long = [flag for part in option.flags for flag in part.split("/") if flag.startswith("--")]
         renamed = [f"--no-{stage}-{flag[5:]}" if flag.startswith("--no-") else f"--{stage}-{flag[2:]}" for flag in long]
         return option.change(flags=("/".join(renamed),))
 
-    return change
+    return add_stage_to_flags
 
 
 def _hint_with_changed_option(hint: Any, changes: Sequence[_OptionChange]) -> Any:

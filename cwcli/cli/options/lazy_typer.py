@@ -87,10 +87,10 @@ def change_declaration(annotation: Any, change: Callable[[Declaration], Declarat
 def use_typer_declarations(function: Callable[..., Any]) -> Callable[..., Any]:
     """Give the signature of a command's function Typer's own declarations; returns the function."""
 
-    def convert(parameter: inspect.Parameter) -> inspect.Parameter:
+    def parameter_for_typer(parameter: inspect.Parameter) -> inspect.Parameter:
         return parameter.replace(annotation=change_declaration(parameter.annotation, Declaration.to_typer))
 
-    parameters = [convert(parameter) for parameter in inspect.signature(function).parameters.values()]
+    parameters = [parameter_for_typer(parameter) for parameter in inspect.signature(function).parameters.values()]
     function.__dict__["__signature__"] = inspect.Signature(parameters)
     function.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return function

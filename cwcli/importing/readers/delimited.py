@@ -235,7 +235,7 @@ def iter_text_rows(
     where, notes = where_and_notes
     n_bad, longest = [0], [""]
 
-    def skip(row: Any) -> str:
+    def count_and_skip_row(row: Any) -> str:
         n_bad[0] += 1
         longest[0] = max(longest[0], row.text or "", key=lambda text: text.count("\n"))
         return "skip"  # Arrow passes no error on
@@ -255,7 +255,7 @@ def iter_text_rows(
                     use_threads=False,
                 ),
                 parse_options=arrow_csv.ParseOptions(
-                    delimiter=layout.separator.replace(" ", "\t"), invalid_row_handler=skip
+                    delimiter=layout.separator.replace(" ", "\t"), invalid_row_handler=count_and_skip_row
                 ),
                 convert_options=arrow_csv.ConvertOptions(
                     column_types=dict.fromkeys(layout.names, pa.string()),

@@ -44,11 +44,11 @@ def _compile_program_and_xcdr2_operations(
     """Compile a schema to a program, and to its operations for XCDR2; `wanted`: leaf paths, None for all."""
     root, definitions = parse_message_definitions(schema_name, schema_data.decode(errors="replace"))
 
-    def wants(path: str, is_octets: bool) -> bool:
+    def is_wanted_leaf(path: str, is_octets: bool) -> bool:
         return not is_octets if wanted is None else path in wanted
 
-    program = compile_cdr_program(root, definitions, wants, blobs=blobs)
-    second = compile_cdr_program(root, definitions, wants, blobs=blobs, max_align=MAX_ALIGNMENT_XCDR2_BYTES)
+    program = compile_cdr_program(root, definitions, is_wanted_leaf, blobs=blobs)
+    second = compile_cdr_program(root, definitions, is_wanted_leaf, blobs=blobs, max_align=MAX_ALIGNMENT_XCDR2_BYTES)
     # XCDR2 puts a length before collections of strings and messages, which no ROS 2 recorder writes: not decoded.
     return program, np.zeros((0, 6), np.int32) if second.has_loops else second.operations
 

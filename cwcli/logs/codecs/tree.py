@@ -82,7 +82,7 @@ def make_protobuf_parser(channel: ChannelLike) -> Decode:
 
     message_class = GetMessageClass(find_message_descriptor(channel.schema_name, channel.schema_data))
 
-    def parse(payload: bytes) -> object:
+    def parse_protobuf_message(payload: bytes) -> object:
         message = message_class()
         try:
             message.ParseFromString(payload)
@@ -90,7 +90,7 @@ def make_protobuf_parser(channel: ChannelLike) -> Decode:
             raise UndecodableMessage("damaged") from error
         return message
 
-    return parse
+    return parse_protobuf_message
 
 
 def _make_protobuf_decoder(channel: ChannelLike) -> Decode:
@@ -125,7 +125,7 @@ def _make_cdr_decoder(channel: ChannelLike) -> Decode:
     root, definitions = parse_message_definitions(channel.schema_name, channel.schema_data.decode(errors="replace"))
     _check_decodable(root, definitions, ())
 
-    def decode(payload: bytes) -> object:
+    def decode_cdr_message(payload: bytes) -> object:
         payload = decompress_message(payload)
         if len(payload) < 4 or payload[0] != 0 or payload[1] > 1:
             raise UndecodableMessage("not plain CDR")
@@ -134,7 +134,7 @@ def _make_cdr_decoder(channel: ChannelLike) -> Decode:
         except struct.error as error:
             raise UndecodableMessage("cut short") from error
 
-    return decode
+    return decode_cdr_message
 
 
 def _check_decodable(name: str, definitions: Definitions, parents: tuple[str, ...]) -> None:

@@ -93,12 +93,12 @@ def _serialize_descriptor_set(file: FileDescriptor) -> bytes:
 
     ordered: dict[str, FileDescriptor] = {}
 
-    def visit(node: FileDescriptor) -> None:
+    def add_file_after_dependencies(node: FileDescriptor) -> None:
         for dependency in node.dependencies:
-            visit(dependency)
+            add_file_after_dependencies(dependency)
         ordered.setdefault(node.name, node)
 
-    visit(file)
+    add_file_after_dependencies(file)
     descriptor_set = FileDescriptorSet()
     for node in ordered.values():
         node.CopyToProto(descriptor_set.file.add())

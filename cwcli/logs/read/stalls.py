@@ -67,7 +67,7 @@ def iter_blocks_or_raise_on_stall(blocks: Iterator[bytes], url: str, timeout_s: 
 def _put_blocks_into_queue(blocks: Iterator[bytes], items: queue.Queue[Item], is_left: threading.Event) -> None:
     """Put the blocks into a queue, until they end or nobody wants them."""
 
-    def put(item: Item) -> None:
+    def put_unless_left(item: Item) -> None:
         while not is_left.is_set():
             with suppress(queue.Full):
                 items.put(item, timeout=MAX_QUEUE_WAIT_S)
@@ -75,12 +75,12 @@ def _put_blocks_into_queue(blocks: Iterator[bytes], items: queue.Queue[Item], is
 
     try:
         for block in blocks:
-            put(block)
+            put_unless_left(block)
             if is_left.is_set():
                 return
-        put(None)
+        put_unless_left(None)
     except BaseException as error:
-        put(error)
+        put_unless_left(error)
     finally:
         close = getattr(blocks, "close", None)
         if close is not None:

@@ -131,7 +131,7 @@ def definition_checksum(definition: Ros1Definition) -> str:
     ros1_names = {ros2: ros1 for ros1, ros2 in TIME_TYPES.items()}
     sums: dict[str, str] = {}
 
-    def line(field: MessageField) -> str:
+    def checksum_line_of_field(field: MessageField) -> str:
         kind = ros1_names.get(field.type, field.type)
         if kind not in TIME_TYPES and not is_number_or_text_type(kind):
             return f"{sums[kind]} {field.name}"
@@ -139,7 +139,7 @@ def definition_checksum(definition: Ros1Definition) -> str:
 
     for name in _order_message_names_by_use(definition, names):
         lines = [f"{each.type} {each.name}={each.value}" for each in definition.constants.get(name, ())]
-        lines += [line(field) for field in definition.fields[name]]
+        lines += [checksum_line_of_field(field) for field in definition.fields[name]]
         sums[name] = hashlib.md5("\n".join(lines).encode(), usedforsecurity=False).hexdigest()
     return sums[definition.root]
 
@@ -148,15 +148,15 @@ def _order_message_names_by_use(definition: Ros1Definition, names: list[str]) ->
     """Return the names such that each comes behind those that it uses."""
     ordered: dict[str, None] = {}
 
-    def visit(name: str) -> None:
+    def add_type_after_its_types(name: str) -> None:
         if name not in ordered:
             for field in definition.fields[name]:
                 if not is_number_or_text_type(field.type):
-                    visit(field.type)
+                    add_type_after_its_types(field.type)
             ordered[name] = None
 
     for name in names:
-        visit(name)
+        add_type_after_its_types(name)
     return list(ordered)
 
 

@@ -139,11 +139,11 @@ def feed_from_columns(channel: OutputChannel, channel_id: int) -> MessageFeed:
         if len(column) != n:
             raise ColumnError(f"{channel.topic}: {path} has {len(column)} rows instead of {n}")
 
-    def encode(start: int, stop: int) -> ByteRows:
+    def encode_rows(start: int, stop: int) -> ByteRows:
         rows = {path: slice_column(column, start, stop) for path, column in channel.fields.items()}
         return schema.encode(rows, stop - start)
 
-    return MessageFeed(channel_id, times, times, encode)
+    return MessageFeed(channel_id, times, times, encode_rows)
 
 
 def feed_from_encoded_messages(

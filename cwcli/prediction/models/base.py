@@ -76,7 +76,7 @@ def full_trust(state: StateRows, covariance: StateCovariances | None, prior: Dri
 def constant_derivatives_model(summary: str, uses: tuple[bool, bool, bool, bool]) -> Model:
     """A model in which the derivatives it uses stay constant: A = t, J = t^2/2, W = t, D = t^2/2, or 0."""
 
-    def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
+    def driver_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
         none = np.zeros_like(time_s)
         half_square = 0.5 * time_s**2
         accel, jerk, yaw_rate, yaw_accel = uses
@@ -87,7 +87,7 @@ def constant_derivatives_model(summary: str, uses: tuple[bool, bool, bool, bool]
             half_square if yaw_accel else none,
         )
 
-    return Model(summary=summary, uses=uses, responses=responses, trust=full_trust, in_paper=True)
+    return Model(summary=summary, uses=uses, responses=driver_responses, trust=full_trust, in_paper=True)
 
 
 def check_responses(responses: Responses, time_s: FloatArray, *others: object) -> Responses:

@@ -163,16 +163,16 @@ def read_sentences(columns: Columns, ledger: RowLedger) -> GnssFix:
         SENTENCE_PARSERS[kind][1](fields) if kind == sentence_kind else SentenceValues(False) for kind, fields in split
     ]
 
-    def column(name: str) -> FloatArray:
+    def float_column(name: str) -> FloatArray:
         return np.array([getattr(each, name) for each in said], np.float64)[codes]
 
-    course_deg = column("course_deg")
+    course_deg = float_column("course_deg")
     return GnssFix(
         *read_stamps(columns),
         is_fix=np.array([each.is_fix for each in said])[codes],
-        latitude_deg=column("latitude_deg"),
-        longitude_deg=column("longitude_deg"),
-        altitude_m=column("altitude_m"),
-        velocity_mps=velocity_from_speed_and_course(column("speed_mps"), course_deg),
+        latitude_deg=float_column("latitude_deg"),
+        longitude_deg=float_column("longitude_deg"),
+        altitude_m=float_column("altitude_m"),
+        velocity_mps=velocity_from_speed_and_course(float_column("speed_mps"), course_deg),
         heading_rad=heading_from_compass_or_nan(course_deg),
     )

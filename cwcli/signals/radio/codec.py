@@ -91,7 +91,7 @@ PERCEPTION_MESSAGES: dict[str, RoadUserMessage] = {
 def make_radio_codec(form: str) -> V2xCodec:
     """Return the codec of a channel whose octets are in a format: `j2735`, `btp` or `its`."""
 
-    def identify(columns: Columns) -> Senders:
+    def identify_senders(columns: Columns) -> Senders:
         n = len(columns)
         codes = np.full(n, -1, np.int32)
         names: dict[str, int] = {}
@@ -130,7 +130,7 @@ def make_radio_codec(form: str) -> V2xCodec:
             ledger.add_note(f"{n_signed} messages {SIGNED_MESSAGES_NOTE}")
         return decoded_rows
 
-    def objects(columns: Columns) -> Objects:
+    def decode_objects(columns: Columns) -> Objects:
         found = frames.unwrap_frames(columns, form)
         decoded_objects = []
         for name, kind in PERCEPTION_MESSAGES.items():
@@ -141,7 +141,7 @@ def make_radio_codec(form: str) -> V2xCodec:
                 decoded_objects.append((columns.with_fields_of_rows(rows[of_row], quantities), kind.codec))
         return tuple(decoded_objects)
 
-    def events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+    def decode_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
         found = frames.unwrap_frames(columns, form)
         notified, is_unread = (
             [_decode_denms_with_rows_and_events(columns, found, form)[2]],
@@ -152,7 +152,7 @@ def make_radio_codec(form: str) -> V2xCodec:
             notified.append(flags)
         return join_road_events(notified), is_unread
 
-    return V2xCodec(identify, decode_all, objects, events)
+    return V2xCodec(identify_senders, decode_all, decode_objects, decode_events)
 
 
 def _decode_messages_named_with_rows(

@@ -99,55 +99,66 @@ def _draw_vehicle(image: Float32Array, view: _RoadView, vehicle: SceneVehicle, h
         place = np.array([x, y]) + along * forward + across * left
         return float(place[0]), float(place[1]), up
 
-    def shape(grey: float, *corners: tuple[float, float, float]) -> FilledShape:
+    def project_polygon(grey: float, *corners: tuple[float, float, float]) -> FilledShape:
         px, py, pz = np.array([body_point(*corner) for corner in corners]).T
         return FilledShape(view.project_body_points(px, py, pz), view.grey_at_distance(grey, x))
 
-    def face(
+    def project_upright_rectangle(
         grey: float, left_m: float, right_m: float, low_m: float, high_m: float, along: float = 0.0
     ) -> FilledShape:
         corners = ((left_m, low_m), (right_m, low_m), (right_m, high_m), (left_m, high_m))
-        return shape(grey, *((along, across, up) for across, up in corners))
+        return project_polygon(grey, *((along, across, up) for across, up in corners))
 
     ground = [(-0.15, half, 0.0), (-0.15, -half, 0.0), (length, -half - 0.15, 0.0), (length, half + 0.15, 0.0)]
     if not view.light.night:
-        draw_shapes(image, [shape(25.0, *ground)], opacity=0.75)
+        draw_shapes(image, [project_polygon(25.0, *ground)], opacity=0.75)
     grey, waist = vehicle.grey, height if is_tall else 0.62 * height
     near = half if y < 0 else -half  # the flank that faces the camera's lane
     body, glass = [], 45.0
     low = 0.24
-    body.append(shape(0.72 * grey, (0, near, low), (length, near, low), (length, near, waist), (0, near, waist)))
-    body.append(shape(0.3 * grey, (0, near, low), (length, near, low), (length, near, 0.36), (0, near, 0.36)))
+    body.append(
+        project_polygon(0.72 * grey, (0, near, low), (length, near, low), (length, near, waist), (0, near, waist))
+    )
+    body.append(project_polygon(0.3 * grey, (0, near, low), (length, near, low), (length, near, 0.36), (0, near, 0.36)))
     if not is_tall:
         inner = near * 0.82
         body.append(
-            shape(glass, (0.35, near, waist), (length * 0.72, near, waist), (length * 0.55, inner, height),
+            project_polygon(glass, (0.35, near, waist), (length * 0.72, near, waist), (length * 0.55, inner, height),
                   (0.8, inner, height))
         )  # fmt: skip
     for along in (0.8, length - 0.9):
         for radius, wheel_grey in ((0.34, 20.0), (0.2, 0.5 * grey + 30.0)):
             body.append(
-                shape(wheel_grey, *((along + radius * c, near, 0.33 + radius * d) for c, d in UNIT_CIRCLE_POINTS))
+                project_polygon(
+                    wheel_grey, *((along + radius * c, near, 0.33 + radius * d) for c, d in UNIT_CIRCLE_POINTS)
+                )
             )
     for across in (half - 0.12, -half + 0.12):
-        body.append(face(18.0, across + 0.11, across - 0.11, 0.0, 0.4))
-    body.append(face(0.45 * grey, half, -half, low - 0.08, 0.5))
-    body.append(face(grey, half, -half, 0.42, waist))
+        body.append(project_upright_rectangle(18.0, across + 0.11, across - 0.11, 0.0, 0.4))
+    body.append(project_upright_rectangle(0.45 * grey, half, -half, low - 0.08, 0.5))
+    body.append(project_upright_rectangle(grey, half, -half, 0.42, waist))
     if is_tall:
-        body.append(face(0.8 * grey, half - 0.1, -half + 0.1, 0.9, height - 0.12))
-        body.append(face(30.0, 0.02, -0.02, 0.9, height - 0.12))
+        body.append(project_upright_rectangle(0.8 * grey, half - 0.1, -half + 0.1, 0.9, height - 0.12))
+        body.append(project_upright_rectangle(30.0, 0.02, -0.02, 0.9, height - 0.12))
     else:
         roof = half * 0.78
-        body.append(shape(grey * 0.9, (0.0, half * 0.97, waist), (0.0, -half * 0.97, waist), (0.55, -roof, height),
-                          (0.55, roof, height)))  # fmt: skip
-        body.append(shape(glass, (0.05, half * 0.85, waist + 0.03), (0.05, -half * 0.85, waist + 0.03),
+        body.append(
+            project_polygon(
+                grey * 0.9,
+                (0.0, half * 0.97, waist),
+                (0.0, -half * 0.97, waist),
+                (0.55, -roof, height),
+                (0.55, roof, height),
+            )
+        )
+        body.append(project_polygon(glass, (0.05, half * 0.85, waist + 0.03), (0.05, -half * 0.85, waist + 0.03),
                           (0.5, -roof * 0.92, height - 0.07), (0.5, roof * 0.92, height - 0.07)))  # fmt: skip
-        body.append(face(215.0 if grey < 150 else 235.0, 0.26, -0.26, 0.62, 0.74))
+        body.append(project_upright_rectangle(215.0 if grey < 150 else 235.0, 0.26, -0.26, 0.62, 0.74))
     lamp_z = 0.72 * waist if not is_tall else 0.8
     lamps: list[Lamp] = []
     for across in (half - 0.2, -half + 0.2):
         lamp_grey = 240.0 if vehicle.is_oncoming else (170.0 if vehicle.is_braking else 75.0)
-        body.append(face(lamp_grey, across + 0.16, across - 0.16, lamp_z - 0.07, lamp_z + 0.09))
+        body.append(project_upright_rectangle(lamp_grey, across + 0.16, across - 0.16, lamp_z - 0.07, lamp_z + 0.09))
         centre = view.project_body_points(*(np.array([value]) for value in body_point(0.0, across, lamp_z)))[0]
         radius = view.camera.fx * (0.16 if vehicle.is_oncoming else 0.11) / max(x, 1.0)
         if np.isfinite(centre).all():

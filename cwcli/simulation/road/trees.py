@@ -23,7 +23,7 @@ def _make_tree_shape_cover_and_light(shape_number: int) -> tuple[Float32Array, F
     freq = np.fft.fftfreq(TREE_IMAGE_SIZE_PX)
     radius = np.hypot(freq[:, None], freq[None, :])
 
-    def noise(sigma_px: float) -> FloatArray:
+    def smoothed_unit_noise(sigma_px: float) -> FloatArray:
         filtered = np.fft.ifft2(
             np.fft.fft2(rng.standard_normal(u.shape)) * np.exp(-2 * (np.pi * radius * sigma_px) ** 2)
         )
@@ -33,11 +33,11 @@ def _make_tree_shape_cover_and_light(shape_number: int) -> tuple[Float32Array, F
     middle, half = (top + low) / 2, (low - top) / 2
     power = rng.uniform(1.6, 2.6)
     inside = 1.0 - np.abs((u - 0.5) / 0.42) ** power - np.abs((v - middle) / half) ** power
-    field = inside + 0.22 * noise(9.0) + 0.14 * noise(3.0)
-    crown = np.clip(field * 8.0 + 0.5, 0.0, 1.0) * np.clip(0.85 + 0.25 * noise(1.2), 0.0, 1.0)
-    trunk = (np.abs(u - 0.5 - 0.02 * noise(12.0)) < 0.025) & (v > middle)
+    field = inside + 0.22 * smoothed_unit_noise(9.0) + 0.14 * smoothed_unit_noise(3.0)
+    crown = np.clip(field * 8.0 + 0.5, 0.0, 1.0) * np.clip(0.85 + 0.25 * smoothed_unit_noise(1.2), 0.0, 1.0)
+    trunk = (np.abs(u - 0.5 - 0.02 * smoothed_unit_noise(12.0)) < 0.025) & (v > middle)
     cover = np.maximum(crown, trunk)
-    light = 0.5 + 0.35 * (middle - v) / half + 0.12 * noise(2.5) + 0.10 * noise(7.0)
+    light = 0.5 + 0.35 * (middle - v) / half + 0.12 * smoothed_unit_noise(2.5) + 0.10 * smoothed_unit_noise(7.0)
     light = np.where(trunk & (crown < 0.5), 0.25, light)
     return np.asarray(cover, np.float32), np.clip(light, 0.0, 1.0).astype(np.float32)
 
