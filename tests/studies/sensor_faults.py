@@ -467,11 +467,6 @@ def spiky(share: float, height: float, column: int) -> Change:
     return change
 
 
-def ended_at(share: float) -> Rewrite:
-    """A sensor that dies at a share of the log."""
-    return lambda m: [m.select_rows(m.stamp_ns < m.stamp_ns[0] + share * (m.stamp_ns[-1] - m.stamp_ns[0]))]
-
-
 def stamped_in_batches(n: int) -> Rewrite:
     """All rows of a batch have the stamp of its last one."""
 
@@ -674,7 +669,6 @@ SOFTWARE_FAULTS = (
     Fault("heading averaged across its wrap", Kind.HEADING, averaged_across_wrap(5), ("ego_heading",)),
     Fault("speed of the east alone", Kind.SPEED, east_alone, ("ego_speed",)),
     Fault("speed slips by 8 % while it grows", Kind.SPEED, slipping_while_faster(1.08), ("ego_speed",)),
-    Fault("speed ends at 60 %", Kind.SPEED, unchanged, rewrite=ended_at(0.6)),
     Fault("gyro in deg/s, clipped at 10", Kind.IMU, only(lambda _, v: np.clip(180 / np.pi * v, -10.0, 10.0), 3, 4, 5), ("satur", "degrees/s")),
     Fault("gyro with 1 % spikes", Kind.IMU, spiky(0.01, 60.0, 5), ("yaw rate",)),
     Fault("accel without its slow part", Kind.IMU, only(lambda t, v: v - low_passed(5.0)(t, v.copy()), 0), ("accel",)),
@@ -688,4 +682,4 @@ SOFTWARE_FAULTS = (
 )  # fmt: skip
 """Faults of drivers and recorders, thought of when all others were found. The datum is a drift: with an IMU alone, no
 source shows it. The speed of the east shows nothing on a straight road, and without its slow part an accelerometer costs
-accuracy that sigma holds."""
+accuracy that sigma holds. A sensor that ends early is a doubt of the whole log (`cwcli.evaluation.doubts.silences`)."""
