@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.kernels.encounters import overlap_time_along_arcs
 from cwcli.measures.base import Measure
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s, straight_contact_time_s
-from cwcli.measures.outlines import outline_separation_by_directions_m
 from cwcli.measures.pair import Pair, SecondsAtStamps
 from cwcli.signals.columns import FloatArray
 
@@ -193,36 +193,23 @@ def first_overlap_time_s(pair: Pair) -> SecondsAtStamps:
     radius = 0.5 * (np.hypot(*own_m) + np.hypot(*their_m))
     fastest = np.abs(at.host_speed_mps) + np.abs(at.other_speed_mps)
     rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + ARC_PATH_HORIZON_S * fastest)
-    # Complex numbers are places and directions in the host's axes at the start; a product turns.
+    # complex numbers are places and directions in the host's axes at the start; a product turns
     rates = [pair.host_accel_yaw_rate_jerk[pair.near_rows[rows], 1], pair.other_derivatives[pair.near_rows[rows], 1]]
-    headings = [np.ones(len(rows), complex), (at.cos_turn + 1j * at.sin_turn)[rows]]
     speeds = [at.host_speed_mps[rows], at.other_speed_mps[rows]]
-    places = [np.zeros(len(rows), complex), (at.x_m + 1j * at.y_m)[rows]]
     turns = [np.exp(1j * rate * ARC_PATH_STEP_S) for rate in rates]
     chords = [
-        v * ARC_PATH_STEP_S * np.sinc(0.5 * rate * ARC_PATH_STEP_S / np.pi)
+        v * ARC_PATH_STEP_S * np.sinc(0.5 * rate * ARC_PATH_STEP_S / np.pi) * np.exp(0.5j * rate * ARC_PATH_STEP_S)
         for v, rate in zip(speeds, rates, strict=True)
     ]
-    chords = [chord * np.exp(0.5j * rate * ARC_PATH_STEP_S) for chord, rate in zip(chords, rates, strict=True)]
-    before = np.full(len(rows), np.inf)
-    for step in range(round(ARC_PATH_HORIZON_S / ARC_PATH_STEP_S) + 1):
-        displacement_m = places[1] - places[0]
-        close = np.flatnonzero(
-            displacement_m.real**2 + displacement_m.imag**2 <= (radius + ARC_PATH_STEP_S * fastest[rows]) ** 2
-        )
-        first_time_s = np.full(len(rows), np.inf)
-        if len(close):
-            own, theirs = ((heading.real[close], heading.imag[close]) for heading in headings)
-            first_time_s[close] = outline_separation_by_directions_m(
-                displacement_m.real[close], displacement_m.imag[close], own, theirs, own_m, their_m
-            )
-            hits = close[(first_time_s[close] <= 0.0) & np.isnan(found[rows[close]])]
-            with np.errstate(invalid="ignore"):
-                share = np.where(
-                    np.isfinite(before[hits]), first_time_s[hits] / (first_time_s[hits] - before[hits]), 0.0
-                )
-            found[rows[hits]] = ARC_PATH_STEP_S * (step - share)
-        before = first_time_s
-        places = [place + heading * chord for place, heading, chord in zip(places, headings, chords, strict=True)]
-        headings = [heading * turn for heading, turn in zip(headings, turns, strict=True)]
+    found[rows] = overlap_time_along_arcs(
+        np.column_stack([at.x_m[rows], at.y_m[rows]]),
+        np.column_stack([at.cos_turn[rows], at.sin_turn[rows]]),
+        np.stack(chords).view(np.float64).reshape(2, -1, 2),
+        np.stack(turns).view(np.float64).reshape(2, -1, 2),
+        radius + ARC_PATH_STEP_S * fastest[rows],
+        own_m,
+        their_m,
+        n_steps=round(ARC_PATH_HORIZON_S / ARC_PATH_STEP_S),
+        step_s=ARC_PATH_STEP_S,
+    )
     return found

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels.encounters import accelerated_contact_time
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.pair import OtherInHostAxes, Pair
 from cwcli.signals.columns import FloatArray
@@ -87,45 +88,10 @@ def straight_contact_time_s(at: EdgeProjections) -> FloatArray:
 def accelerated_contact_time_s(at: EdgeProjections, ax_mps2: FloatArray, ay_mps2: FloatArray) -> FloatArray:
     """Seconds until contact at constant relative acceleration along the host's axes, (m,): infinity if never."""
     ax_mps2, ay_mps2 = np.broadcast_arrays(ax_mps2, ay_mps2)
+    shape = at.centre_m.shape
     bend = project_vectors_on_four_edge_directions(ax_mps2, ay_mps2, at.cos_turn, at.sin_turn)
-    bend = np.where(np.abs(bend) < 1e-9, 0.0, bend)
-    sign = np.where(bend < 0.0, -1.0, 1.0)
-    bend, speed, centre = sign * bend, sign * at.speed_mps, sign * at.centre_m
-    speed = np.where(np.abs(speed) < 1e-9, 0.0, speed)
-    low, high, _ = _interval_of_negative_parabola_s(
-        bend, speed, centre - at.reach_m
-    )  # c + s t + q t^2 / 2 <= R from low to high
-    out, back, leaves = _interval_of_negative_parabola_s(
-        bend, speed, centre + at.reach_m
-    )  # and below -R from out to back
-    first_end = np.where(leaves, out, high)
-    second = np.where(leaves, back, np.inf)
-    time = np.zeros(at.centre_m.shape[1:])
-    for _ in range(at.centre_m.shape[0] * 2 + 1):
-        # The earliest time from `time` on at which each direction overlaps; contact is where none has to wait.
-        wait = np.where(
-            time <= first_end, np.maximum(low, time), np.where(time <= high, np.maximum(second, time), np.inf)
-        )
-        later = wait.max(axis=0)
-        if not (later > time).any():
-            break
-        time = later
-    return time
-
-
-def _interval_of_negative_parabola_s(
-    second_derivative: FloatArray, slope: FloatArray, start_value: FloatArray
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """The interval of t in which start + slope t + second_derivative t^2 / 2 <= 0: its ends, and whether it exists."""
-    root = slope * slope - 2.0 * second_derivative * start_value
-    # Without motion along the direction it is there for all time or never.
-    still = (second_derivative == 0.0) & (slope == 0.0)
-    exists = np.where(still, start_value <= 0.0, root >= 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        larger = -(slope + np.copysign(np.sqrt(np.maximum(root, 0.0)), slope))
-        one, two = larger / second_derivative, 2.0 * start_value / larger
-    one = np.where(larger == 0.0, 0.0, one)  # a double root at 0
-    two = np.where(larger == 0.0, 0.0, two)
-    low, high = np.minimum(one, two), np.maximum(one, two)
-    low, high = np.where(still, -np.inf, low), np.where(still, np.inf, high)
-    return np.where(exists, low, np.inf), np.where(exists, high, -np.inf), exists
+    centre, speed, reach, bend = (
+        np.ascontiguousarray(np.broadcast_to(each if each.ndim == len(shape) else each[:, None], shape)).reshape(4, -1)
+        for each in (at.centre_m, at.speed_mps, at.reach_m, bend)
+    )
+    return accelerated_contact_time(centre, speed, reach, bend).reshape(shape[1:])

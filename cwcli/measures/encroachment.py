@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.kernels.encounters import rows_of_least_lag
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.base import Measure
 from cwcli.measures.crossing import MIN_CROSSING_SINE
@@ -94,12 +95,13 @@ def _grid_rows_of_least_lag(pair: Pair) -> FloatArray:
     poses = pair.evaluate_measure(_POSES_ON_GRID)
     n = poses.shape[1]
     n_lags = min(round(MAX_SEARCHED_LAG_S / LAG_SEARCH_STEP_S), n - 1) + 1 if n > 1 else 0
-    for lag in range(n_lags):
-        for signed in dict.fromkeys((lag, -lag)):
-            mine, them = _host_and_other_rows_overlapping_at_lag(poses, signed, pair)
-            if len(mine):
-                return np.array([mine[0], them[0]], np.float64)
-    return np.zeros(0)
+    mine, them = rows_of_least_lag(poses, pair.host_size, pair.other_size, _centre_reach_m(pair), n_lags)
+    return np.array([mine, them], np.float64) if mine >= 0 else np.zeros(0)
+
+
+def _centre_reach_m(pair: Pair) -> float:
+    """The distance of the centres, m, beyond which the outlines do not overlap."""
+    return float(0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size)))
 
 
 def _refine_least_lag_s(pair: Pair, host_row: int, other_row: int) -> float:
@@ -139,8 +141,7 @@ def _host_and_other_rows_overlapping_at_lag(
     mine, them = max(-lag, 0), max(lag, 0)
     own, theirs = poses[:4, mine : mine + n], poses[4:, them : them + n]
     dx, dy = theirs[0] - own[0], theirs[1] - own[1]
-    reach = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
-    rows = np.flatnonzero(dx * dx + dy * dy <= reach**2)
+    rows = np.flatnonzero(dx * dx + dy * dy <= _centre_reach_m(pair) ** 2)
     for (length, width), (to_length, to_width), side in (
         (pair.host_size, pair.other_size, own),
         (pair.other_size, pair.host_size, theirs),
