@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Callable, Sequence
@@ -18,6 +19,7 @@ from cwcli.fleet.folder import (
     SHARD_KEY,
     TABLES_KEY,
     Document,
+    JsonText,
     LogOutputs,
     format_mismatch_text_or_empty,
     read_json_object,
@@ -27,6 +29,7 @@ from cwcli.fleet.index import FOLDERS_WITH_RESULTS
 from cwcli.fleet.input_states import INPUT_STATES_KEY
 from cwcli.fleet.remote_folder import StoreFolder, copy_remote_folder
 from cwcli.fleet.run import lock_folder
+from cwcli.fleet.shard import MAX_SHARDS
 from cwcli.fleet.tables import MergedRows, are_tables_whole, iter_table_names, write_tables
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
@@ -42,10 +45,20 @@ MANIFEST_KEYS_OF_ALL_SHARDS = ("format", "cwcli", "run_id", "pipeline")
 
 
 class _ShardFolder(NamedTuple):
-    """The output folder of one shard, and its manifest."""
+    """The output folder of one shard, its manifest without the logs, and the entry of each log."""
 
     path: Path
     manifest: Document
+    entries: list[JsonText]
+
+
+class _Entry(NamedTuple):
+    """The entry of one log, and the folder of the shard that has it."""
+
+    path: Path
+    source: object
+    status: str
+    text: JsonText
 
 
 @dataclass(frozen=True)
@@ -129,23 +142,28 @@ def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int,
     manifest = {key: shards[0].manifest[key] for key in MANIFEST_KEYS_OF_ALL_SHARDS}
     with lock_folder(target):
         _refuse_other_content(target, manifest, set(entries))
-        pending = [
-            {"id": name, "source": entry["source"], "status": "pending", "error": None}
-            for name, (_, entry) in entries.items()
-        ]
-        write_json_object({**manifest, TABLES_KEY: [], "logs": pending}, target / MANIFEST_NAME)
+        _write_manifest_of_pending_logs(manifest, entries, target)
         n_copied = 0
-        for k, (name, (source, entry)) in enumerate(entries.items()):
-            n_copied += _merge_log_and_tell_if_new(LogOutputs(source, name), LogOutputs(target, name), entry)
+        for k, (name, each) in enumerate(entries.items()):
+            own, merged = LogOutputs(each.path, name), LogOutputs(target, name)
+            n_copied += _merge_log_and_tell_if_new(own, merged, json.loads(each.text))
             report(k + 1, len(entries))
         rows = {each.path: MergedRows(each.path) for each in shards}
-        rows_of_done_logs = {name: rows[path] for name, (path, entry) in entries.items() if entry["status"] == "done"}
+        rows_of_done_logs = {name: rows[each.path] for name, each in entries.items() if each.status == "done"}
         tables = write_tables(target, rows_of_done_logs, manifest["run_id"])
         write_json_object(_merge_run_times(shards), target / RUN_TIMES_NAME)
-        whole = [entry for _, entry in entries.values()]
+        whole = [each.text for each in entries.values()]
         write_json_object({**manifest, TABLES_KEY: tables, "logs": whole}, target / MANIFEST_NAME, durable=True)
-    n_failed = sum(entry.get("status") == "failed" for entry in whole)
+    n_failed = sum(each.status == "failed" for each in entries.values())
     return MergeResult(len(whole), n_failed, n_copied, len(shards))
+
+
+def _write_manifest_of_pending_logs(manifest: Document, entries: dict[str, _Entry], target: Path) -> None:
+    """Write the manifest of a merge that has begun."""
+    pending = [
+        {"id": name, "source": each.source, "status": "pending", "error": None} for name, each in entries.items()
+    ]
+    write_json_object({**manifest, TABLES_KEY: [], "logs": pending}, target / MANIFEST_NAME)
 
 
 def _read_shard(path: Path) -> _ShardFolder:
@@ -159,7 +177,10 @@ def _read_shard(path: Path) -> _ShardFolder:
         raise InputError(f"the folder holds no run (no {MANIFEST_NAME})", where=str(path))
     if what := format_mismatch_text_or_empty(manifest):
         raise InputError(what, where=str(path / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
-    return _ShardFolder(path, manifest)
+    try:
+        return _ShardFolder(path, manifest, [JsonText.encode_value(each) for each in manifest.pop("logs")])
+    except ValueError as error:  # NaN is no number in JSON, though Python reads it
+        raise InputError(f"the manifest can't be read: {error}", where=str(path / MANIFEST_NAME)) from error
 
 
 def _require_equal_runs(shards: Sequence[_ShardFolder]) -> None:
@@ -187,7 +208,7 @@ def _require_all_shards(shards: Sequence[_ShardFolder]) -> None:
         if not isinstance(shard, dict):
             continue
         index, count = shard.get("index"), shard.get("count")
-        if not (isinstance(index, int) and isinstance(count, int)):
+        if type(index) is not int or type(count) is not int or not 1 <= index <= count <= MAX_SHARDS:
             raise InputError("the manifest does not say which shard it is", where=str(each.path / MANIFEST_NAME))
         if index in numbers:
             raise UsageError(f"{numbers[index]} and {each.path} are both shard {index}/{count}")
@@ -202,18 +223,19 @@ def _require_all_shards(shards: Sequence[_ShardFolder]) -> None:
         )
 
 
-def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Document]]:
-    """Return id -> folder of the shard and entry of each log, in order of id.
+def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, _Entry]:
+    """Return id -> entry of each log, in order of id.
 
     Raises:
         InputError: A log is not done, its id is no file name, or files or tables are not those that were written.
         UsageError: A log is in two shards with different results.
     """
-    found: dict[str, tuple[Path, Document]] = {}
-    for path, manifest in shards:
+    found: dict[str, _Entry] = {}
+    for path, manifest, texts in shards:
         if not are_tables_whole(path, manifest.get(TABLES_KEY)):
             raise InputError("tables of the run are missing or changed", where=str(path), hint=RUN_AGAIN_HINT)
-        for listed in manifest["logs"]:
+        for text in texts:
+            listed = json.loads(text)
             name = listed.get("id") if isinstance(listed, dict) else None
             if not isinstance(name, str) or name in {"", ".", ".."} or set(name) & {"/", "\\", "\0"}:
                 raise InputError(f"the log id {name!r} is not the name of a file", where=str(path / MANIFEST_NAME))
@@ -227,10 +249,21 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, tuple[Path, Do
                 raise InputError(
                     f"files of the log {name} are missing or changed", where=str(path), hint=RUN_AGAIN_HINT
                 )
-            if name in found and found[name][1] != entry:
-                raise UsageError(f"the log {name} is in {found[name][0]} and in {path}, with different results")
-            found.setdefault(name, (path, entry))
+            _refuse_files_elsewhere(entry.get("outputs", []), folder)
+            if name in found and found[name].text != text:
+                raise UsageError(f"the log {name} is in {found[name].path} and in {path}, with different results")
+            found.setdefault(name, _Entry(path, entry.get("source"), entry["status"], text))
     return dict(sorted(found.items()))
+
+
+def _refuse_files_elsewhere(names: object, folder: LogOutputs) -> None:
+    """Raise `InputError` if files of a log are not right in its folder; a manifest of others may name any file."""
+    own = folder.entry_path.parent.relative_to(folder.out).as_posix()
+    for name in names if isinstance(names, list) else [None]:
+        parent, _, file = name.rpartition("/") if isinstance(name, str) else ("", "", "")
+        if parent != own or file in {"", ".", ".."} or set(file) & {"\\", "\0"}:
+            what = f"the log {folder.id} has a file {name!r}, which is not in its folder"
+            raise InputError(what, where=str(folder.out / MANIFEST_NAME))
 
 
 def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> None:
@@ -300,7 +333,7 @@ def _merge_run_times(shards: Sequence[_ShardFolder]) -> Document:
     states: dict[str, Any] = {}
     began: list[str] = []
     wall_s = 0.0
-    for path, _ in shards:
+    for path, *_ in shards:
         document = read_json_object(path / RUN_TIMES_NAME) or {}
         times |= document["logs"] if isinstance(document.get("logs"), dict) else {}
         states |= document[INPUT_STATES_KEY] if isinstance(document.get(INPUT_STATES_KEY), dict) else {}

@@ -15,6 +15,9 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+import numpy.typing as npt
+
 from cwcli.errors import InputError, OutputError
 from cwcli.fleet.staged_tables import (
     StagedTable,
@@ -48,8 +51,8 @@ PARQUET_MAGIC = b"PAR1"
 """First and last bytes of a Parquet file. Source: the Parquet format."""
 ROWS_PER_GROUP, ROWS_PER_NESTED_GROUP = 65_536, 4_096
 """Rows of a row group, and of one with lists, which are larger. Chosen by hand: a few MB are held for each table."""
-ROWS_PER_READ = 4_096
-"""Rows that are read at a time of each table of each shard. Chosen by hand: 8 shards hold some MB."""
+ROWS_PER_READ, BYTES_PER_READ = 1_024, 16_384
+"""Rows read at a time of each table of each shard, and bytes of each column. Chosen by hand: 8 shards hold some MB."""
 LOGS_PER_JOINED_BLOCK = 256
 """Rows of so many logs are joined to one block: each log's piece takes some kB of memory, however few its rows. Chosen
 by hand."""
@@ -165,7 +168,7 @@ def _iter_rows_by_log(path: Path) -> Iterator[tuple[str, pa.RecordBatch]]:
     from pyarrow import parquet
 
     try:
-        with parquet.ParquetFile(path) as file:
+        with parquet.ParquetFile(path, buffer_size=BYTES_PER_READ) as file:
             for batch in file.iter_batches(ROWS_PER_READ, use_threads=False):
                 runs = pc.run_end_encode(batch.column(LOG_COLUMN))
                 start = 0
@@ -258,10 +261,10 @@ class _TableWriter:
         import pyarrow as pa
 
         n = len(rows)
-        common = [pa.repeat(pa.scalar(id), n), pa.repeat(pa.scalar(self._run_id), n)]
-        version = pa.repeat(pa.scalar(TABLES_SCHEMA_VERSION, pa.int32()), n)
+        version = _array_of_numbers(np.full(n, TABLES_SCHEMA_VERSION, np.int32))
         columns = columns_in_types_of_schema(decode_dictionaries(rows), self._own)
-        self._pieces.append(pa.Table.from_arrays([common[0], *columns, common[1], version], schema=self._schema))
+        columns = [_repeat_text(id, n), *columns, _repeat_text(self._run_id, n), version]
+        self._pieces.append(pa.Table.from_arrays(columns, schema=self._schema))
         self._n_pending += n
         if len(self._pieces) >= LOGS_PER_JOINED_BLOCK:
             self._pending.append(pa.concat_tables(self._pieces).combine_chunks())
@@ -277,14 +280,35 @@ class _TableWriter:
         import pyarrow as pa
 
         # how rows are cut into arrays shows in the file: they are made one array first
-        parts = [*self._pending, *self._pieces]
-        rows = pa.concat_tables(parts).combine_chunks() if parts else self._schema.empty_table()
+        if not self._n_pending:
+            return
+        rows = pa.concat_tables([*self._pending, *self._pieces]).combine_chunks()
+        self._pending, self._pieces = [], []
         n_whole = len(rows) if all_rows else len(rows) // self._n_rows * self._n_rows
         for start in range(0, n_whole, self._n_rows):
             group = rows.slice(start, min(self._n_rows, n_whole - start))
             self._writer.write_table(group, row_group_size=self._n_rows)
-        rest = rows.slice(n_whole)
-        self._pending, self._pieces, self._n_pending = ([rest] if len(rest) else []), [], len(rest)
+        # a slice would keep all rows in memory
+        rest = rows.take(_array_of_numbers(np.arange(n_whole, len(rows), dtype=np.int64)))
+        self._pending, self._n_pending = ([rest] if len(rest) else []), len(rest)
+        del rows
+        pa.default_memory_pool().release_unused()  # else it keeps some hundred MB for later
+
+
+def _repeat_text(text: str, n: int) -> pa.StringArray:
+    """Return a text n times; Arrow's own functions import pandas where it is installed, which takes 50 MB."""
+    import pyarrow as pa
+
+    data = text.encode()
+    ends = np.arange(n + 1, dtype=np.int32) * len(data)
+    return pa.StringArray.from_buffers(n, pa.py_buffer(ends), pa.py_buffer(data * n))
+
+
+def _array_of_numbers(values: npt.NDArray[np.int32] | npt.NDArray[np.int64]) -> pa.Array:
+    """Return whole numbers as an array, without Arrow's own function as above."""
+    import pyarrow as pa
+
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(values)])
 
 
 def iter_table_names(out: Path) -> Iterator[str]:

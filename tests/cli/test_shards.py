@@ -177,6 +177,22 @@ def spoil_manifest(path: Path, **changes: object) -> None:
         ({"format": 99}, ("shard1", "shard2"), EXIT_BAD_INPUT, "a manifest of format 99"),
         ({"shard": {"index": 2, "count": 4}}, ("shard1", "shard2"), EXIT_USAGE, "runs in 2 and 4 parts"),
         ({"logs": [{"id": "../x"}]}, ("shard1", "shard2"), EXIT_BAD_INPUT, "is not the name of a file"),
+        *(
+            ({"logs": [{"id": "x", "status": "failed", "outputs": each}]}, ("shard1", "shard2"), EXIT_BAD_INPUT, words)
+            for words, each in (
+                ("which is not in its folder", ["../evil"]),
+                ("which is not in its folder", ["logs/x/../../../evil"]),
+                ("which is not in its folder", ["/etc/hostname"]),
+                ("which is not in its folder", ["logs/x/.."]),
+                ("which is not in its folder", "logs/x/annotated.mcap"),
+                ("which is not in its folder", [["logs/x/annotated.mcap"]]),
+            )
+        ),
+        ({"logs": [{"id": "x", "status": "failed", "n": float("nan")}]}, ("shard1", "shard2"), EXIT_BAD_INPUT, "JSON"),
+        ({"logs": [{"id": "x", "status": []}]}, ("shard1", "shard2"), EXIT_BAD_INPUT, "the log x is not done"),
+        ({"shard": {"index": 5, "count": 2}}, ("shard1", "shard2"), EXIT_BAD_INPUT, "which shard it is"),
+        ({"shard": {"index": True, "count": 2}}, ("shard1", "shard2"), EXIT_BAD_INPUT, "which shard it is"),
+        ({"shard": {"index": 2, "count": 10**12}}, ("shard1", "shard2"), EXIT_BAD_INPUT, "which shard it is"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(
