@@ -101,7 +101,7 @@ class Registry(Mapping[str, T]):
         accept: Checks the object that a plug-in's entry point names, and returns it with its functions guarded; see
             `accept_dataclass_of`.
         spell: Entry point's name -> name in the registry.
-        taken: Further names that no plug-in may have.
+        reserved_names: Further names that no plug-in may have.
     """
 
     def __init__(
@@ -112,10 +112,10 @@ class Registry(Mapping[str, T]):
         accept: Callable[[object, Plugin], T],
         *,
         spell: Callable[[str], str] = str,
-        taken: Collection[str] = (),
+        reserved_names: Collection[str] = (),
     ) -> None:
         self.what, self.group = what, group
-        self._builtin, self._accept, self._spell, self._taken = builtin, accept, spell, taken
+        self._builtin, self._accept, self._spell, self._reserved_names = builtin, accept, spell, reserved_names
         self._loaded: dict[str | Plugin, T] = {}
 
     def __getitem__(self, name: str) -> T:
@@ -181,7 +181,7 @@ class Registry(Mapping[str, T]):
             return out
         for found in _find_installed_plugins(tuple(sys.path)).get(self.group, ()):
             plugin, name = found._replace(what=self.what), self._spell(found.name)
-            if name in self._builtin or name in self._taken:
+            if name in self._builtin or name in self._reserved_names:
                 raise plugin.plugin_error("has the name of one of cwcli's own")
             if name in out:
                 raise plugin.plugin_error(f"has the name of one of the package {out[name].package}")

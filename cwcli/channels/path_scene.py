@@ -64,10 +64,10 @@ def make_path_scene_channel(predicted: Sequence[AnyPaths]) -> OutputChannel:
             np.empty(n, np.object_),
         )
         for k, each in enumerate(predicted):
-            here = np.flatnonzero(which[start:stop] == k)
-            own = row[start:stop][here]
-            stamp_ns[here], points[here] = each.stamp_ns[own], _evenly_spaced_path_points_m(each, own)
-            names[here] = [each.ids.values[code] for code in each.ids.codes[own]]
+            rows_of_path = np.flatnonzero(which[start:stop] == k)
+            own = row[start:stop][rows_of_path]
+            stamp_ns[rows_of_path], points[rows_of_path] = each.stamp_ns[own], _evenly_spaced_path_points_m(each, own)
+            names[rows_of_path] = [each.ids.values[code] for code in each.ids.codes[own]]
         return _scene_entity_fields_of_lines(stamp_ns, names.tolist(), points)
 
     return StreamedChannel(PATH_SCENE.topic, PATH_SCENE.schema, log_time_ns[order], make_rows=rows)

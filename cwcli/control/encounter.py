@@ -230,17 +230,20 @@ def _summarise_replayed_runs(
     )
 
 
-def _is_other_behind_host(outcome: ReplayedRuns, other: RecordedMotion, here: int) -> bool:
+def _is_other_behind_host(outcome: ReplayedRuns, other: RecordedMotion, row_at_time: int) -> bool:
     """Whether the other vehicle is behind the host at step `here`.
 
     The heading of a standing host is not reliable, so there the direction of its next few metres is used.
     """
-    x, y = outcome.x_m[0, here], outcome.y_m[0, here]
-    heading = float(outcome.heading_rad[0, here])
-    if outcome.speed_mps[0, here] < MIN_HOST_SPEED_FOR_HEADING_MPS:
-        has_moved_far = np.hypot(outcome.x_m[0, here:] - x, outcome.y_m[0, here:] - y) > MIN_TRAVEL_FOR_HOST_DIRECTION_M
+    x, y = outcome.x_m[0, row_at_time], outcome.y_m[0, row_at_time]
+    heading = float(outcome.heading_rad[0, row_at_time])
+    if outcome.speed_mps[0, row_at_time] < MIN_HOST_SPEED_FOR_HEADING_MPS:
+        has_moved_far = (
+            np.hypot(outcome.x_m[0, row_at_time:] - x, outcome.y_m[0, row_at_time:] - y)
+            > MIN_TRAVEL_FOR_HOST_DIRECTION_M
+        )
         if not has_moved_far.any():
             return False
-        row_after_move = here + int(has_moved_far.argmax())
+        row_after_move = row_at_time + int(has_moved_far.argmax())
         heading = float(np.arctan2(outcome.y_m[0, row_after_move] - y, outcome.x_m[0, row_after_move] - x))
-    return bool((other.x_m[here] - x) * np.cos(heading) + (other.y_m[here] - y) * np.sin(heading) < 0.0)
+    return bool((other.x_m[row_at_time] - x) * np.cos(heading) + (other.y_m[row_at_time] - y) * np.sin(heading) < 0.0)

@@ -138,8 +138,8 @@ def _resting_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_known: Bool
     for last in np.flatnonzero(is_jump).tolist():
         noise_m = float(np.hypot(*fixes_m[max(last - ROWS_OF_RESTING_NOISE, 0) : last + 1].std(axis=0)))
         radius_m = max(RESTING_RADIUS_IN_SIGMAS * noise_m, MIN_RESTING_RADIUS_M)
-        apart = np.flatnonzero(np.hypot(*(fixes_m[:last] - fixes_m[last]).T) > radius_m)
-        begin = int(apart[-1]) + 1 if len(apart) else 0
+        far_rows = np.flatnonzero(np.hypot(*(fixes_m[:last] - fixes_m[last]).T) > radius_m)
+        begin = int(far_rows[-1]) + 1 if len(far_rows) else 0
         lasts_long = time_s[last] - time_s[begin] >= MIN_RESTING_S
         goes_on = step_m[last] > MIN_MOVING_SPEED_MPS * (time_s[last + 1] - time_s[begin])
         if (

@@ -359,9 +359,9 @@ def _held_mask(rows: _Rows) -> BoolArray:
     is_new = np.append(True, (np.diff(rows.truth, axis=0) != 0.0).any(axis=1))
     first = np.flatnonzero(is_new)
     last = np.append(first[1:], len(is_new)) - 1
-    there = np.nan_to_num(rows.estimated_quantity(rows.late_s))
+    estimated = np.nan_to_num(rows.estimated_quantity(rows.late_s))
     is_held = (rows.stamp_s[last] - rows.stamp_s[first] > MIN_HELD_TIME_S) & (
-        np.hypot(*(there[last] - there[first]).T) > MIN_MOVEMENT_WHILE_HELD_M
+        np.hypot(*(estimated[last] - estimated[first]).T) > MIN_MOVEMENT_WHILE_HELD_M
     )
     return np.repeat(is_held, last - first + 1)
 

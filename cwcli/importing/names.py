@@ -20,17 +20,17 @@ class Quantity:
     Attributes:
         kind: Kind of its unit, a key of `cwcli.importing.units.FACTOR_BY_KIND_AND_UNIT`, or `text`.
         nouns: Words of which exactly one is in the name.
-        beside: Words that may stand beside it.
+        qualifiers: Words that may stand in the name as well.
     """
 
     kind: str
     nouns: frozenset[str]
-    beside: frozenset[str] = frozenset()
+    qualifiers: frozenset[str] = frozenset()
 
 
-def _quantity(kind: str, nouns: str, *beside: str) -> Quantity:
+def _quantity(kind: str, nouns: str, *qualifiers: str) -> Quantity:
     """Return a quantity by its words in texts."""
-    return Quantity(kind, frozenset(nouns.split()), frozenset(" ".join(beside).split()))
+    return Quantity(kind, frozenset(nouns.split()), frozenset(" ".join(qualifiers).split()))
 
 
 _RECEIVER_WORDS = (
@@ -332,6 +332,6 @@ def _do_words_name_quantity(words: tuple[str, ...], quantity: str) -> bool:
         if word not in quantity_words.nouns and not (nouns and find_unit(word, quantity_words.kind))
     ]
     if quantity == "time":
-        return bool(nouns) and all(word in quantity_words.beside for word in others)
+        return bool(nouns) and all(word in quantity_words.qualifiers for word in others)
     is_noun_there = bool(nouns) if axis else len(nouns) == 1  # `accelerometerAccelerationX`
-    return is_noun_there and all(word in quantity_words.beside for word in others)
+    return is_noun_there and all(word in quantity_words.qualifiers for word in others)

@@ -31,10 +31,10 @@ def time_and_distance_of_closest_encounter(pair: Pair) -> tuple[FloatArray, Floa
     length, width = (0.5 * size for size in pair.host_size)
     their_length, their_width = (0.5 * size for size in pair.other_size)
     along, across = their_length * at.cos_turn, their_length * at.sin_turn
-    beside, ahead = their_width * at.sin_turn, their_width * at.cos_turn
+    half_across, ahead = their_width * at.sin_turn, their_width * at.cos_turn
     for far in (-1.0, 1.0):
         for left in (-1.0, 1.0):
-            x, y = at.x_m + far * along - left * beside, at.y_m + far * across + left * ahead
+            x, y = at.x_m + far * along - left * half_across, at.y_m + far * across + left * ahead
             for own_x in (-length, length):
                 for own_y in (-width, width):
                     to_go = -((x - own_x) * ux + (y - own_y) * uy)

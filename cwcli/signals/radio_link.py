@@ -88,7 +88,7 @@ def measure_station_links(
     Returns:
         Stations in the order of their first message, and the reception by distance.
     """
-    links, received, lost = [], [np.zeros(0)], [np.zeros(0)]
+    links, distances_received_m, distances_lost_m = [], [np.zeros(0)], [np.zeros(0)]
     for code, station in enumerate(signal.station.values):
         rows = np.flatnonzero(signal.station.codes == code)
         if not len(rows):
@@ -98,9 +98,9 @@ def measure_station_links(
         n_lost, is_absence, period_s = _lost_counts_absences_and_period_s(sent_s, signal.message_count[order])
         links.append(_measure_station_link(station, signal, order, n_lost, is_absence, period_s, distance_m))
         if np.isfinite(n_lost).any():
-            received.append(distance_m[order])
-            lost.append(_distances_of_lost_messages_m(distance_m[order], np.nan_to_num(n_lost)))
-    return links, _reception_by_distance(np.concatenate(received), np.concatenate(lost))
+            distances_received_m.append(distance_m[order])
+            distances_lost_m.append(_distances_of_lost_messages_m(distance_m[order], np.nan_to_num(n_lost)))
+    return links, _reception_by_distance(np.concatenate(distances_received_m), np.concatenate(distances_lost_m))
 
 
 def information_age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:

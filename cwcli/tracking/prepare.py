@@ -250,10 +250,10 @@ def _valid_rows_mask(
     return left
 
 
-def _transform_to_tracking_frame(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask,
+def _transform_to_tracking_frame(data: Detections, model: SensorModel, ego: EgoStates | None, valid_rows: Mask,
     counts: DetectionCounts, source: int, sources: tuple[str, ...]) -> DetectionRows:  # fmt: skip
     r = _measurement_covariances(data, model, counts)
-    index = np.flatnonzero(kept)
+    index = np.flatnonzero(valid_rows)
     stamps = data.stamp_ns[index]
     pose, velocity, known = sensor_pose_and_velocity(model, ego, stamps)
     counts.count_rejected("no ego state at that time", int((~known).sum()))
@@ -342,8 +342,8 @@ def prepare_detections(
     for k, (data, model) in enumerate(zip(detections, models, strict=True)):
         count = counts[data.source]
         count.read = len(data)
-        kept = _valid_rows_mask(data, model, count, max_scan, max_lateness_s)
-        parts.append(_transform_to_tracking_frame(data, model, ego, kept, count, k, sources))
+        valid_rows = _valid_rows_mask(data, model, count, max_scan, max_lateness_s)
+        parts.append(_transform_to_tracking_frame(data, model, ego, valid_rows, count, k, sources))
     if not parts:
         empty = np.zeros(0, np.int64)
         rows = DetectionRows(empty, empty, np.zeros(0, np.int8), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0,

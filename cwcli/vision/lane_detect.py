@@ -343,9 +343,10 @@ def is_same_lane(lane: ImageLane, other: ImageLane) -> bool:
     tolerances."""
     _, middle, width, _, horizon, _ = lane.tolist()
     _, other_middle, other_width, _, other_horizon, _ = other.tolist()
-    apart = abs(middle - other_middle) + 0.5 * abs(width - other_width)  # of the boundary that differs more
+    difference = abs(middle - other_middle) + 0.5 * abs(width - other_width)  # of the boundary that differs more
     return bool(
-        apart <= SAME_LANE_TOLERANCE_IN_CAMERA_HEIGHTS and abs(horizon - other_horizon) <= SAME_HORIZON_TOLERANCE_PX
+        difference <= SAME_LANE_TOLERANCE_IN_CAMERA_HEIGHTS
+        and abs(horizon - other_horizon) <= SAME_HORIZON_TOLERANCE_PX
     )
 
 

@@ -295,8 +295,8 @@ def narrow_prior_table(
 
 def boundary_difference_beside_camera_m(lane: ImageLane, other: ImageLane, prior: LanePrior) -> float:
     """Distance beside the camera between the boundaries of two lanes, of the side that differs more, in metres."""
-    apart = abs(float(lane[MIDDLE] - other[MIDDLE])) + 0.5 * abs(float(lane[WIDTH] - other[WIDTH]))
-    return apart / prior.place_units_per_m
+    difference_m = abs(float(lane[MIDDLE] - other[MIDDLE])) + 0.5 * abs(float(lane[WIDTH] - other[WIDTH]))
+    return difference_m / prior.place_units_per_m
 
 
 def max_boundary_difference_m(lane: ImageLane, other: ImageLane, prior: LanePrior, height_px: int) -> float:
@@ -342,6 +342,6 @@ def lane_change_between_left_1_right_minus_1(lane: ImageLane, other: ImageLane) 
     is between them."""
     width = 0.5 * float(lane[WIDTH] + other[WIDTH])
     change = 1 if lane[MIDDLE] > other[MIDDLE] else -1
-    apart = abs(float(lane[MIDDLE] - other[MIDDLE]))
+    difference_m = abs(float(lane[MIDDLE] - other[MIDDLE]))
     is_between = change * float(lane[MIDDLE]) > MIN_OFFSET_BETWEEN_LANES_IN_WIDTHS * width
-    return change if is_between and abs(apart - width) < NEXT_LANE_TOLERANCE_IN_WIDTHS * width else 0
+    return change if is_between and abs(difference_m - width) < NEXT_LANE_TOLERANCE_IN_WIDTHS * width else 0

@@ -94,8 +94,10 @@ def weighted_mean_lane(
         weight = np.exp(exponent - exponent.max())
         weight /= weight.sum()
         mean = weight @ points
-        apart = points - mean
-        covariance = (apart * weight[:, None]).T @ apart + np.diag((MIN_SHARE_OF_FIRST_ROUND_SIGMAS * sigmas) ** 2)
+        deviations = points - mean
+        covariance = (deviations * weight[:, None]).T @ deviations + np.diag(
+            (MIN_SHARE_OF_FIRST_ROUND_SIGMAS * sigmas) ** 2
+        )
     return np.clip(_image_lanes_from_row_columns(mean, *rows_px, spiral), table[:, LOW], table[:, HIGH])
 
 

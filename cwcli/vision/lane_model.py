@@ -227,9 +227,9 @@ def is_same_lane_in_image(lane: ImageLane, other: ImageLane, width_px: int, heig
         if h <= 0.0 or other_h <= 0.0:
             return False
         column = u0 + middle * h + (bend + spiral / h) / h
-        apart = column - (other_u0 + other_middle * other_h + (other_bend + other_spiral / other_h) / other_h)
+        difference_px = column - (other_u0 + other_middle * other_h + (other_bend + other_spiral / other_h) / other_h)
         wider = 0.5 * (width * h - other_width * other_h)
-        if abs(apart) + abs(wider) > SAME_PIXELS_WIDTH_SHARE * width_px:
+        if abs(difference_px) + abs(wider) > SAME_PIXELS_WIDTH_SHARE * width_px:
             return False
     return True
 

@@ -273,12 +273,12 @@ def _update_line_comparison(
     )
     if math.isfinite(sides.driven_bend_px2):
         driven = sides.driven_bend_px2 + swift * (driven - sides.driven_bend_px2)
-    apart = sides.divergence_m + swift * (apart_m - sides.divergence_m)
+    divergence_m = sides.divergence_m + swift * (apart_m - sides.divergence_m)
     strange = np.abs(lanes[:, BEND] - sides.smoothed_bends_px2) + np.abs(sides.smoothed_bends_px2 - driven)
     doubt = sides.bend_doubt_px2 + slow * (float(strange[RIGHT] - strange[LEFT]) - sides.bend_doubt_px2)
     bends = sides.smoothed_bends_px2 + slow * (lanes[:, BEND] - sides.smoothed_bends_px2)
     verdict, leaving = max(sides.greatest_bend_doubt_px2, doubt, key=abs), sides.leaving_side
-    conflict = float((np.abs(apart) / MAX_DIVERGENCES_OF_PARALLEL_LINES_M).max())
+    conflict = float((np.abs(divergence_m) / MAX_DIVERGENCES_OF_PARALLEL_LINES_M).max())
     if conflict < AGREEMENT_SHARE_OF_DIVERGENCE_LIMITS:
         verdict, leaving = 0.0, NO_LINE
     elif sides.is_width_known and (conflict > 1.0 or leaving != NO_LINE):
@@ -287,7 +287,7 @@ def _update_line_comparison(
         sides,
         smoothed_bends_px2=bends,
         driven_bend_px2=driven,
-        divergence_m=apart,
+        divergence_m=divergence_m,
         bend_doubt_px2=doubt,
         greatest_bend_doubt_px2=verdict,
         leaving_side=leaving,

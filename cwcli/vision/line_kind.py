@@ -186,10 +186,10 @@ def _has_second_stripe(evidence: StripeEvidence, lane: ImageLane, place: float) 
         return None
     mean: list[float] = (values @ is_seen / np.count_nonzero(is_seen)).tolist()
     middle = len(SECOND_STRIPE_DISTANCES_IN_CAMERA_HEIGHTS)
-    for own, *beside in (mean[middle::-1], mean[middle:]):
-        second = max(beside)
+    for own, *neighbours in (mean[middle::-1], mean[middle:]):
+        second = max(neighbours)
         less, more = sorted((own, second))
-        valley = min(beside[: beside.index(second)], default=less)
+        valley = min(neighbours[: neighbours.index(second)], default=less)
         if (
             less > max(MIN_SECOND_STRIPE_SHARE * more, MIN_SECOND_STRIPE_EVIDENCE)
             and valley < MAX_EVIDENCE_BETWEEN_STRIPES_SHARE * less

@@ -146,11 +146,11 @@ def _vanishing_point_votes_on_grid(
     across = (du * (rise * vote_beside)[:, None].astype(np.float32))[:, None, :]
     across = across - (dv * (run * vote_beside)[:, None].astype(np.float32))[:, :, None]
     across *= across
-    away = (du * du)[:, None, :] + (dv * dv + np.float32(1e-9))[:, :, None]
-    across += away
-    away /= across
-    away *= away
-    away *= np.where(lowest[:, None] > grid_v_px + MIN_REACH_BELOW_POINT_SHARE * height_px, weight[:, None], 0.0)[
-        :, :, None
-    ].astype(np.float32)
-    return away.sum(axis=0, dtype=np.float64), float(weight.sum())
+    squared_distance = (du * du)[:, None, :] + (dv * dv + np.float32(1e-9))[:, :, None]
+    across += squared_distance
+    squared_distance /= across
+    squared_distance *= squared_distance
+    squared_distance *= np.where(
+        lowest[:, None] > grid_v_px + MIN_REACH_BELOW_POINT_SHARE * height_px, weight[:, None], 0.0
+    )[:, :, None].astype(np.float32)
+    return squared_distance.sum(axis=0, dtype=np.float64), float(weight.sum())

@@ -43,6 +43,11 @@ PREPOSITIONS = {
 }  # fmt: skip
 VERBS_AMONG_THEM = {"cut", "put", "set", "split", "spread", "bound"}
 """Irregular participles that are imperatives, too."""
+WORDS_THAT_NAME_NOTHING = {
+    "apart", "asked", "away", "bent", "beside", "heard", "here", "kept", "learned", "lost", "made", "meant", "stands",
+    "taken", "there", "told",
+}  # fmt: skip
+"""Words that were names of variables once and had to be explained."""
 FRAGMENT_STARTS = (
     "Of ", "Likewise", "By ", "Beside ", "Over ", "So ", "As ", "In ", "From ", "With ", "At ", "To ", "Where ",
     "When ", "What ", "Whether it", "That ", "Because ", "Nothing ", "For ",
@@ -55,6 +60,15 @@ def functions(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             yield node.name
+
+
+def variables(path: Path) -> Iterator[str]:
+    """The names of all parameters and of all variables that a file assigns."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.arg):
+            yield node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
 
 
 def is_bare(name: str) -> bool:
@@ -113,6 +127,16 @@ def test_no_function_is_called_by_a_bare_participle_or_preposition() -> None:
 )
 def test_a_fragment_is_recognised(text: str) -> None:
     assert is_fragment(text)
+
+
+def test_no_local_variable_is_called_by_a_word_that_names_nothing() -> None:
+    found = {
+        f"{path.relative_to(PACKAGE)}: {name}"
+        for path in PACKAGE.rglob("*.py")
+        for name in variables(path)
+        if name in WORDS_THAT_NAME_NOTHING
+    }
+    assert found == set()
 
 
 def test_constants_are_explained_in_sentences() -> None:

@@ -120,7 +120,7 @@ def open_recording_folder(folder: str, name: str, open_file: Opener, *, as_one: 
             raise InputError(f"the folder holds {len(names)} logs and no {METADATA_FILE_NAME}", where=name, hint=hint)
         return open_parts([prefix + each for each in names], name, open_file)
     listing = read_recording_listing(prefix + METADATA_FILE_NAME)
-    found = {listed: there for listed in listing.files if (there := _find_listed_file(listed, names))}
+    found = {listed: actual_name for listed in listing.files if (actual_name := _find_listed_file(listed, names))}
     if not found:
         if listing.files:
             what = f"none of the {len(listing.files)} logs that its {METADATA_FILE_NAME} lists exists"

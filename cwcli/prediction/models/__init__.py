@@ -23,7 +23,7 @@ MODELS: Registry[Model] = Registry(
         "cj-cya": "cwcli.prediction.models.cj_cya:MODEL",
     },
     accept_dataclass_of(Model, {"responses": check_responses, "trust": check_trust_in_derivatives}),
-    taken=(*HYPOTHESES, "lateral", "lateral-zhang2011"),
+    reserved_names=(*HYPOTHESES, "lateral", "lateral-zhang2011"),
 )
 DEFAULT_MODEL = "auto"
 """Name of the model that is used where the user names none."""

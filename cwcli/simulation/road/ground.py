@@ -77,8 +77,8 @@ def headlight_factor_by_row_and_cell(rows: ImageRows) -> Float32Array:
 
 def _is_within_drawn_distance(rows: ImageRows, station_m: float, reach_m: float) -> bool:
     """Whether an object at a station is near enough ahead to be drawn."""
-    here = rows.road.station_m
-    return here - reach_m - 5.0 < station_m < here + reach_m + MAX_PATCH_AND_SHADOW_DISTANCE_M
+    camera_station_m = rows.road.station_m
+    return camera_station_m - reach_m - 5.0 < station_m < camera_station_m + reach_m + MAX_PATCH_AND_SHADOW_DISTANCE_M
 
 
 def _wheel_track_darkening(lane_width_m: float) -> Float32Array:

@@ -31,7 +31,7 @@ RULES: Registry[Rule] = Registry(
         "eebl": "cwcli.warning.rules.eebl:RULE",
     },
     _accept_plugin_rule,
-    taken=("lane-departure",),
+    reserved_names=("lane-departure",),
 )
 DEFAULT_RULE = "cwcli"
 """Name of the rule that is used where the user names none."""
