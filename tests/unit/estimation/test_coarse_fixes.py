@@ -69,7 +69,7 @@ def evenly_driven_m(noise_m: float) -> np.ndarray:
 
 
 def resting_rows(fixes_m: np.ndarray) -> np.ndarray:
-    time_s = 0.1 * np.arange(len(fixes_m))
+    time_s = np.arange(len(fixes_m), dtype=np.float64) * 0.1
     return np.flatnonzero(frozen_row_mask(Kind.POSITION, time_s, fixes_m, FixMotion(time_s, fixes_m)))
 
 

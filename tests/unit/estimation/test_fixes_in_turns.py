@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.estimation.fixes_in_turns import covariance_from_fixes_in_turns, distance_of_fixes_in_turns_m
 
-TIME_S = 0.1 * np.arange(600)
+TIME_S = 0.1 * np.arange(600, dtype=np.float64)
 
 
 def weaving_fixes(noise_m: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
