@@ -110,6 +110,11 @@ class Encounter:
         share = before / (before - inside)
         return float(self.time_s[k - 1] + share * (self.time_s[k] - self.time_s[k - 1]))
 
+    @cached_property
+    def latest_warning_s_by_demand(self) -> dict[tuple[str, float], float]:
+        """Latest warning that a judge found by search, by policy and impact speed: the same for all repetitions."""
+        return {}
+
     def values_at(self, time_s: float) -> dict[str, float]:
         """Times to collision and gap at a time."""
         return {

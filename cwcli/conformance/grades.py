@@ -40,3 +40,7 @@ SCENARIO_OVERRIDES_BY_GRADE: Mapping[str, Settings] = {
 """Grade -> what differs from the defaults of a scenario (docs/scenarios.md). `nominal` is that of the bundled traps: a
 single-frequency receiver, wheel speeds, a MEMS IMU, 10 messages a second of which 5 % are lost. `fine` is a survey
 receiver on both vehicles. `j2945` is nominal with senders that filter their acceleration."""
+
+RADAR_OF_EVERY_GRADE: Mapping[str, Any] = {"rate_hz": 20, "fov_deg": 60, "max_range_m": 160}
+"""The host's radar in every grade, for scenes that need one: the rate, view and range of a usual long-range radar,
+chosen by hand, with the noise of a scenario's radar."""

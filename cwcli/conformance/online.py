@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -13,12 +13,11 @@ import numpy as np
 
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.conformance.encounter import TRIAL_TRUTH_STEP_S, Encounter
-from cwcli.conformance.grades import SCENARIO_OVERRIDES_BY_GRADE
+from cwcli.conformance.grades import RADAR_OF_EVERY_GRADE, SCENARIO_OVERRIDES_BY_GRADE
 from cwcli.conformance.scenes import BuiltScene
-from cwcli.conformance.verdict import JudgedMotion, RaisedWarning
+from cwcli.conformance.verdict import RaisedWarning
 from cwcli.errors import MissingSignalError
 from cwcli.input import InputFile
-from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.output_stream import OutputStream
 from cwcli.pipeline.execute import WRITE_ALL_CHANNELS
@@ -26,7 +25,7 @@ from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.simulate.sensor_log import write_simulated_log
-from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
+from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.scenario import HOST_NAME, Scenario, parse_scenario
 from cwcli.stages import STAGES
 
@@ -34,22 +33,10 @@ TRUTH_AFTER_TRIAL_S = 8.0
 """Time for which the truth goes on after a trial, s, so that a braking host comes to rest in it. Chosen by hand."""
 
 
-@dataclass(frozen=True)
-class SimulatedTrial:
-    """A trial as it is simulated with one seed.
-
-    Attributes:
-        drive: The host's measurements and the messages that it received; None where only the truth is needed.
-    """
-
-    drive: SimulatedDrive | None
-    encounter: JudgedMotion
-
-
 WARNING_PIPELINE_STAGES = ("estimate", "predict", "warn")
-"""The stages that warn, in their order."""
-Warner = Callable[[SimulatedTrial], tuple[RaisedWarning, ...]]
-"""A system that warns: it gets a simulated trial and returns its warnings."""
+"""The stages that warn of vehicles which send messages, in their order."""
+RADAR_PIPELINE_STAGES = ("estimate", "track", "predict", "warn-targets")
+"""The stages that warn of what a radar detects, in their order."""
 
 
 def build_trial_scenario(built: BuiltScene, grade: str, *, name: str) -> Scenario:
@@ -60,6 +47,8 @@ def build_trial_scenario(built: BuiltScene, grade: str, *, name: str) -> Scenari
     """
     settings = SCENARIO_OVERRIDES_BY_GRADE[grade]
     sensors = {sensor: dict(table) for sensor, table in settings.items() if sensor != "v2x"}
+    if built.has_radar:
+        sensors["radar"] = dict(RADAR_OF_EVERY_GRADE)
     document: dict[str, Any] = {**built.document, "sensors": sensors, "v2x": dict(settings["v2x"])}
     return parse_scenario(document, name=name)
 
@@ -78,11 +67,6 @@ def true_encounter(scenario: Scenario, built: BuiltScene) -> Encounter:
         other_id=other.station_id,
         event_s=built.event_s,
     )
-
-
-def simulate_trial(scenario: Scenario, encounter: Encounter, seed: int) -> SimulatedTrial:
-    """Simulate the sensors of one repetition."""
-    return SimulatedTrial(simulate_scenario(scenario, seed), encounter)
 
 
 @contextmanager
@@ -104,24 +88,28 @@ def open_in_memory(drive: SimulatedDrive) -> Iterator[Log]:
             yield log
 
 
-def make_pipeline_warner(rule: str, horizon_s: float | None = None) -> Warner:
-    """Return cwcli itself as a system that warns: `estimate`, `predict` and `warn` with online states.
+def warn_with_pipeline(
+    drive: SimulatedDrive, rules: Sequence[str], horizon_s: float | None = None
+) -> dict[str, tuple[RaisedWarning, ...]]:
+    """Run the stages on a drive with online states; return the warnings of each rule.
+
+    A host with a radar is warned of the radar's targets, which have no names, else of the vehicles that send messages.
 
     Args:
-        rule: A key of `warning.rules.RULES`.
-        horizon_s: How far the paths and the rule look ahead; None: the defaults.
+        rules: Keys of `warning.rules.RULES`.
+        horizon_s: How far the paths and the rules look ahead; None: the defaults.
     """
-
-    def run_stages_and_list_warnings(trial: SimulatedTrial) -> tuple[RaisedWarning, ...]:
-        assert trial.drive is not None
-        with open_in_memory(trial.drive) as log:
-            _, result = _run_stages(log, rule, WARNING_PIPELINE_STAGES, horizon_s)
-        events = result.evaluation_inputs.found[0].events_table
-        start_ns = trial.drive.scenario.start_ns
-        rows = sorted((int(row["raised_ns"]), str(row["other_id"])) for row in events.rows_as_dicts())
-        return tuple(RaisedWarning((raised - start_ns) / NS_PER_S, other) for raised, other in rows)
-
-    return run_stages_and_list_warnings
+    with open_in_memory(drive) as log:
+        has_radar = "radar" in drive.scenario.sensors
+        _, result = _run_stages(log, rules, RADAR_PIPELINE_STAGES if has_radar else WARNING_PIPELINE_STAGES, horizon_s)
+    found = {}
+    for of_rule in result.evaluation_inputs.found:
+        rows = sorted((int(row["raised_ns"]), str(row["other_id"])) for row in of_rule.events_table.rows_as_dicts())
+        found[of_rule.config.rule] = tuple(
+            RaisedWarning((raised - drive.scenario.start_ns) / NS_PER_S, "" if has_radar else other)
+            for raised, other in rows
+        )
+    return found
 
 
 def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, with_warnings: bool) -> Log:
@@ -136,7 +124,7 @@ def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, w
     """
     topics = {channel.topic for channel in log.channels}
     if EGO_STATE.topic not in topics:
-        log = _run_stages(log, rule, WARNING_PIPELINE_STAGES[:1])[0]
+        log = _run_stages(log, (rule,), WARNING_PIPELINE_STAGES[:1])[0]
         topics = {channel.topic for channel in log.channels}
     if topics.isdisjoint((REMOTE_STATE.topic, TARGETS.topic)):
         raise MissingSignalError(
@@ -146,20 +134,22 @@ def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, w
         )
     if with_warnings and WARNINGS.topic not in topics:
         missing = WARNING_PIPELINE_STAGES[1:] if EGO_PATH.topic not in topics else WARNING_PIPELINE_STAGES[2:]
-        return _run_stages(log, rule, missing, horizon_s)[0]
+        return _run_stages(log, (rule,), missing, horizon_s)[0]
     return log
 
 
-def _run_stages(log: Log, rule: str, names: Sequence[str], horizon_s: float | None = None) -> tuple[Log, StageResult]:
+def _run_stages(
+    log: Log, rules: Sequence[str], names: Sequence[str], horizon_s: float | None = None
+) -> tuple[Log, StageResult]:
     """Run stages on a log in memory, without their evaluation; return the log with their channels, and the last."""
     current = log
     for name in names:
         config = STAGES[name].configuration_class()
         if name == "predict" and horizon_s is not None:
             config = replace(config, horizon_s=horizon_s)
-        if name == "warn":
-            changed = {"rule": rule} | ({} if horizon_s is None else {"horizon_s": horizon_s})
-            config = replace(config, rule=replace(config.rule, **changed))
+        if name in ("warn", "warn-targets"):
+            changed = {"rule": rules[0]} | ({} if horizon_s is None else {"horizon_s": horizon_s})
+            config = replace(config, rule=replace(config.rule, **changed), rules=tuple(rules))
         result: StageResult = STAGES[name].stage_function(current, config)
         record = {f"cwcli.run.{name}": WRITE_ALL_CHANNELS.record_with_written_topics(result)}
         current = current.with_channels(result.channels, record)

@@ -12,7 +12,7 @@ from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResul
 from cwcli.pipeline.result import Cell, SummaryTable
 
 CLAUSE_COLUMNS = ("clause", "outcome", "trials passed", "worst margin to the limit")
-TRIAL_COLUMNS = ("trial", "outcome", "passed", "needed", "asked", "what happened", "worst margin")
+TRIAL_COLUMNS = ("trial", "outcome", "passed", "passes needed", "asked", "what happened", "worst margin")
 REPETITION_COLUMNS = ("trial", "seed or log", "outcome", "margin", "what happened")
 NUMBER_COLUMNS = ("number", "value", "basis", "source", "page", "time to collision")
 
@@ -124,7 +124,7 @@ def format_junit(results: Sequence[ClauseResult]) -> bytes:
         suite = ET.SubElement(root, "testsuite", {"name": result.clause.name, **counts})
         for trial in result.trials:
             case = ET.SubElement(suite, "testcase", classname=result.clause.name, name=trial.trial.name, time="0")
-            text = f"{trial.passed_text} passed, {trial.n_required} needed; {trial.worst_text}"
+            text = f"{trial.passed_text} passed, at least {trial.n_required} must pass; {trial.worst_text}"
             if trial.outcome == FAILED:
                 ET.SubElement(case, "failure", message=text, type="clause").text = text
             elif trial.outcome in (NOT_VALID, NOT_JUDGED):

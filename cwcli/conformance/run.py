@@ -9,24 +9,22 @@ from cwcli.conformance.cache import RepetitionCache, repetition_key
 from cwcli.conformance.clause import Clause, Trial, load_clause, require_judge_module
 from cwcli.conformance.grades import SCENARIO_OVERRIDES_BY_GRADE
 from cwcli.conformance.lane_trials import simulate_lane_trial, warn_of_lane_departure
-from cwcli.conformance.online import (
-    SimulatedTrial,
-    Warner,
-    build_trial_scenario,
-    make_pipeline_warner,
-    simulate_trial,
-    true_encounter,
-)
+from cwcli.conformance.online import build_trial_scenario, true_encounter, warn_with_pipeline
 from cwcli.conformance.policies import NO_BRAKING_POLICY, PEDALS_BY_POLICY
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.scenes import SCENES
-from cwcli.conformance.verdict import DrivenTrial, Verdict
+from cwcli.conformance.verdict import DrivenTrial, JudgedMotion, RaisedWarning, Verdict
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.process_pool import process_pool
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 
 Tick = Callable[[str, int, int], None]
+Warner = Callable[[JudgedMotion], tuple[RaisedWarning, ...]]
+"""A system that warns: it gets the true motion of a trial and returns its warnings."""
+MissingRuns = tuple[Sequence[int], Sequence[str]]
+"""Seeds and rules of a trial that have to be run."""
 BUILTIN_RULE_NAMES = ("cwcli", "song2016", "ttc", "path-ttc", "eebl")
 """The rules of cwcli itself."""
 MAX_HORIZON_OPTION_S = 10.0
@@ -83,10 +81,26 @@ def run_clauses(
     tick: Tick = lambda text, done, total: None,
     cache: RepetitionCache | None = None,
 ) -> list[ClauseResult]:
-    """Run clauses; `tick` is called with a text, and how many trials are done of how many, when one is done.
+    """Run clauses with the rule of the configuration, as `run_clauses_with_rules` does."""
+    return run_clauses_with_rules(names, config, (config.rule,), tick, cache)[config.rule]
+
+
+def run_clauses_with_rules(
+    names: Sequence[str],
+    config: ConformConfig,
+    rules: Sequence[str],
+    tick: Tick = lambda text, done, total: None,
+    cache: RepetitionCache | None = None,
+) -> dict[str, list[ClauseResult]]:
+    """Run clauses with several rules; every trial is simulated, estimated and predicted once for all of them.
 
     Args:
+        rules: Keys of `warning.rules.RULES`; the rule of the configuration does not count.
+        tick: Called with a text, and how many trials are done of how many, when one is done.
         cache: Repetitions that were run before, which gets the new ones; None: everything is run.
+
+    Returns:
+        The results by rule.
 
     Raises:
         UsageError: A clause does not exist, is wrong, or has a trial that nobody can drive.
@@ -96,53 +110,77 @@ def run_clauses(
         check_trials(clause, name)
     seeds = {name: range(config.seeds or clause.n_repetitions) for name, clause in clauses.items()}
     tasks = [(name, k) for name, clause in clauses.items() for k in range(len(clause.trials))]
-    known: dict[tuple[str, int], dict[int, Repetition]] = {}
-    for name, k in tasks:
-        known[name, k] = _known_repetitions(clauses[name], k, seeds[name], config, cache)
-    missing = {task: [seed for seed in seeds[task[0]] if seed not in known[task]] for task in tasks}
-    for n_done, ((name, k), found) in enumerate(_run_missing(missing, config), start=1):
-        if cache is not None and _is_cacheable(config):
-            parts = _cache_key_parts(clauses[name], k, config)
-            cache.add_repetitions((repetition_key(parts, int(each.label)), each) for each in found)
-        known[name, k] |= {int(each.label): each for each in found}
+    known = {
+        (rule, *task): _known_repetitions(clauses[task[0]], task[1], seeds[task[0]], replace(config, rule=rule), cache)
+        for task in tasks
+        for rule in rules
+    }
+    missing = {task: _missing_runs(known, task, seeds[task[0]], rules) for task in tasks}
+    for n_done, ((name, k), found_by_rule) in enumerate(_run_missing(missing, config), start=1):
+        for rule, found in found_by_rule.items():
+            with_rule = replace(config, rule=rule)
+            if cache is not None and _is_cacheable(with_rule):
+                parts = _cache_key_parts(clauses[name], k, with_rule)
+                cache.add_repetitions((repetition_key(parts, int(each.label)), each) for each in found)
+            known[rule, name, k] |= {int(each.label): each for each in found}
         tick(f"{name}: {clauses[name].trials[k].name}", n_done, len(tasks))
-    return [
-        ClauseResult(
-            clause,
-            tuple(
-                TrialResult(
-                    trial,
-                    tuple(known[name, k][seed] for seed in seeds[name]),
-                    clause.required_passes(len(seeds[name])),
-                )
-                for k, trial in enumerate(clause.trials)
-            ),
-            len(seeds[name]),
-            _settings_of_clause_run(clause, config),
-        )
-        for name, clause in clauses.items()
-    ]
+    return {
+        rule: [
+            ClauseResult(
+                clause,
+                tuple(
+                    TrialResult(
+                        trial,
+                        tuple(known[rule, name, k][seed] for seed in seeds[name]),
+                        clause.required_passes(len(seeds[name])),
+                    )
+                    for k, trial in enumerate(clause.trials)
+                ),
+                len(seeds[name]),
+                _settings_of_clause_run(clause, replace(config, rule=rule)),
+            )
+            for name, clause in clauses.items()
+        ]
+        for rule in rules
+    }
+
+
+def _missing_runs(
+    known: Mapping[tuple[str, str, int], Mapping[int, Repetition]],
+    task: tuple[str, int],
+    seeds: Sequence[int],
+    rules: Sequence[str],
+) -> MissingRuns:
+    """The seeds of a trial that some rule lacks, and the rules that lack one."""
+    lacking = {rule: [seed for seed in seeds if seed not in known[rule, *task]] for rule in rules}
+    missing = {seed for of_rule in lacking.values() for seed in of_rule}
+    return [seed for seed in seeds if seed in missing], [rule for rule in rules if lacking[rule]]
 
 
 def _run_missing(
-    missing: Mapping[tuple[str, int], Sequence[int]], config: ConformConfig
-) -> Iterator[tuple[tuple[str, int], list[Repetition]]]:
-    """Run the missing seeds of every trial; yields each trial with its new repetitions."""
-    n_new = sum(len(seeds) for seeds in missing.values())
+    missing: Mapping[tuple[str, int], MissingRuns], config: ConformConfig
+) -> Iterator[tuple[tuple[str, int], dict[str, list[Repetition]]]]:
+    """Run the missing seeds of every trial; yields each trial with its new repetitions by rule."""
+    n_new = sum(len(seeds) for seeds, _ in missing.values())
     if config.jobs == 1 or n_new <= 1:
-        for (name, k), seeds in missing.items():
-            yield (name, k), list(run_trial(name, k, seeds, config)) if seeds else []
+        for (name, k), (seeds, rules) in missing.items():
+            yield (name, k), _merge_by_rule(run_trial_with_rules(name, k, seeds, config, rules) if seeds else {})
         return
     with process_pool(config.jobs) as pool:
         running = {
             (name, k): [
-                pool.submit(run_trial, name, k, tuple(seeds[part :: config.jobs]), config)
+                pool.submit(run_trial_with_rules, name, k, tuple(seeds[part :: config.jobs]), config, rules)
                 for part in range(min(config.jobs, len(seeds)))
             ]
-            for (name, k), seeds in missing.items()
+            for (name, k), (seeds, rules) in missing.items()
         }
         for task, parts in running.items():
-            yield task, [each for part in parts for each in part.result()]
+            yield task, _merge_by_rule(*(part.result() for part in parts))
+
+
+def _merge_by_rule(*parts: Mapping[str, Sequence[Repetition]]) -> dict[str, list[Repetition]]:
+    """The repetitions of several parts of a trial, by rule."""
+    return {rule: [each for part in parts for each in part[rule]] for rule in (parts[0] if parts else {})}
 
 
 def _known_repetitions(
@@ -199,38 +237,54 @@ def run_trial(
     Args:
         warner: The system that is judged, which gets the truth alone; None: cwcli with the rule of the configuration.
     """
+    return run_trial_with_rules(clause_name, index, seeds, config, (config.rule,), warner)[config.rule]
+
+
+def run_trial_with_rules(
+    clause_name: str,
+    index: int,
+    seeds: Sequence[int],
+    config: ConformConfig,
+    rules: Sequence[str],
+    warner: Warner | None = None,
+) -> dict[str, tuple[Repetition, ...]]:
+    """Run one trial of a clause with some seeds and rules, in this process; return the repetitions by rule.
+
+    Args:
+        warner: As of `run_trial`; it stands for every rule.
+    """
     clause = load_clause(clause_name)
     trial = clause.trials[index]
-    build = SCENES[trial.scene].build
     policy = config.policy or clause.policy
+    judged_rules = (trial.rule,) if trial.rule else tuple(rules)
+    found: dict[str, list[Repetition]] = {rule: [] for rule in judged_rules}
+    drives = _warned_drives(trial, seeds, config, judged_rules, config.grade or clause.grade, warner)
+    for seed, (motion, warnings) in zip(seeds, drives, strict=True):
+        for rule in judged_rules:
+            driven = DrivenTrial(motion, warnings[rule], trial.demands, policy)
+            found[rule].append(Repetition(str(seed), judge_driven_trial(trial, driven, clause_name)))
+    return {rule: tuple(found[trial.rule or rule]) for rule in rules}
+
+
+def _warned_drives(
+    trial: Trial, seeds: Sequence[int], config: ConformConfig, rules: Sequence[str], grade: str, warner: Warner | None
+) -> Iterator[tuple[JudgedMotion, dict[str, tuple[RaisedWarning, ...]]]]:
+    """The motion of a trial with each seed, and its warnings by rule; the rule in a lane is that of lane departure."""
+    build = SCENES[trial.scene].build
     if build is None:
-        return _run_lane_trial(trial, seeds, policy, clause_name, warner)
+        for seed in seeds:
+            driven = simulate_lane_trial(trial.given, seed)
+            warnings = warn_of_lane_departure(driven) if warner is None else warner(driven.drift)
+            yield driven.drift, dict.fromkeys(rules, warnings)
+        return
     scene = build(trial.given)
-    scenario = build_trial_scenario(scene, config.grade or clause.grade, name="trial")
+    scenario = build_trial_scenario(scene, grade, name="trial")
     encounter = true_encounter(scenario, scene)
-    own = make_pipeline_warner(trial.rule or config.rule, config.horizon_s)
-    found = []
     for seed in seeds:
-        if warner is None:
-            warnings = own(simulate_trial(scenario, encounter, seed))
+        if warner is not None:
+            yield encounter, dict.fromkeys(rules, warner(encounter))
         else:
-            warnings = warner(SimulatedTrial(None, encounter))
-        driven = DrivenTrial(encounter, warnings, trial.demands, policy)
-        found.append(Repetition(str(seed), judge_driven_trial(trial, driven, clause_name)))
-    return tuple(found)
-
-
-def _run_lane_trial(
-    trial: Trial, seeds: Sequence[int], policy: str, where: str, warner: Warner | None
-) -> tuple[Repetition, ...]:
-    """Run one trial of leaving the lane; the rule is the lane-departure rule."""
-    found = []
-    for seed in seeds:
-        driven = simulate_lane_trial(trial.given, seed)
-        warnings = warn_of_lane_departure(driven) if warner is None else warner(SimulatedTrial(None, driven.drift))
-        driven_trial = DrivenTrial(driven.drift, warnings, trial.demands, policy)
-        found.append(Repetition(str(seed), judge_driven_trial(trial, driven_trial, where)))
-    return tuple(found)
+            yield encounter, warn_with_pipeline(simulate_scenario(scenario, seed), rules, config.horizon_s)
 
 
 def judge_driven_trial(trial: Trial, driven: DrivenTrial, where: str) -> Verdict:

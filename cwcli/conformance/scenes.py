@@ -71,11 +71,13 @@ class BuiltScene:
 
     Attributes:
         document: Duration and vehicles (docs/scenarios.md).
+        has_radar: The host has a radar, and is warned of what it detects instead of what sends messages.
     """
 
     document: Mapping[str, Any]
     event_s: float
     other: str = PRINCIPAL_OTHER_VEHICLE_NAME
+    has_radar: bool = False
 
 
 def _document_of_vehicles(duration_s: float, **vehicles: Mapping[str, Any]) -> dict[str, Any]:
@@ -114,6 +116,17 @@ def build_approach(given: Mapping[str, float]) -> BuiltScene:
         },
     }
     return BuiltScene(_document_of_vehicles(approach_s + SCENE_TIME_AFTER_CONTACT_S, **vehicles), 0.0)
+
+
+def build_radar_return(given: Mapping[str, float]) -> BuiltScene:
+    """The host's radar detects what stands in its lane and sends no messages; a radar does not measure height.
+
+    What it is, a car, a plate on the road or a bridge, is up to the judge: the returns are the same.
+    """
+    built = build_approach(given)
+    vehicles = {name: dict(table) for name, table in built.document["vehicles"].items()}
+    vehicles[PRINCIPAL_OTHER_VEHICLE_NAME]["v2x"] = False
+    return BuiltScene({**built.document, "vehicles": vehicles}, built.event_s, has_radar=True)
 
 
 def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
@@ -407,6 +420,7 @@ SCENES: Mapping[str, Scene] = {
     "approach": Scene(
         build_approach, ("host_speed",), ("other_speed", "approach_time", "lateral_offset", *_OTHER_SIZE_NUMBERS)
     ),
+    "radar-return": Scene(build_radar_return, ("host_speed",), ("lateral_offset", *_OTHER_SIZE_NUMBERS)),
     "braking-lead": Scene(build_braking_lead, ("host_speed", "gap", "deceleration"), ("ramp_time",)),
     "convoy": Scene(build_convoy, ("host_speed", "gap", "deceleration"), ("ramp_time", "reaction_time")),
     "cut-in": Scene(build_cut_in, ("host_speed", "other_speed", "ttc_at_cut_in"), ("lane_change_time",)),

@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 
 from tools.results import page_studies
-from tools.results.conformance import SEEDS_BY_CLAUSE, run_clause_over_seeds, values_of_runs
+from tools.results.conformance import (
+    FALSE_ACTIVATION_SEEDS,
+    SEEDS_BY_CLAUSE,
+    run_clause_over_seeds,
+    run_trials_without_danger,
+    values_of_false_activations,
+    values_of_runs,
+)
 from tools.results.page_studies import DEVELOPMENT_LOGS, NOT_RANDOM, Numbers, call_cwcli
 from tools.results.papers import more_of_reproduction, values_of_reproduction
 
@@ -203,6 +210,12 @@ STUDIES: dict[str, Study] = {
         f"conform-{name}": Study(f"cwcli conform {name} --seeds {seeds}", partial(_run_clause, name), seeds, 2)
         for name, seeds in SEEDS_BY_CLAUSE.items()
     },
+    "conform-false-activations": Study(
+        "python -m tools.results --only conform-false-activations",
+        lambda seeds: Measured(values_of_false_activations(run_trials_without_danger(seeds))),
+        FALSE_ACTIVATION_SEEDS,
+        1,
+    ),
     "departure": Study(
         "cwcli simulate departure | cwcli run - --stage lanes,observe,predict-lane,warn-lane",
         _measured_by(page_studies.measure_departure),

@@ -31,6 +31,14 @@ REGULATION_DRIVER_TIME_STEP_S = 0.1
 
 def warning_window(encounter: Encounter, demands: dict[str, float], policy: str = "full") -> WarningWindow:
     """The window that ends with the latest warning after which the policy limits the impact."""
+    known, key = encounter.latest_warning_s_by_demand, (policy, demands["impact_speed"])
+    if key not in known:
+        known[key] = _find_latest_warning_s(encounter, policy, demands["impact_speed"])
+    return WarningWindow(-math.inf, known[key])
+
+
+def _find_latest_warning_s(encounter: Encounter, policy: str, limit_mps: float) -> float:
+    """Latest warning after which the policy limits the impact, s; NaN where none does."""
     begin_s, end_s = (
         max(encounter.event_s, encounter.contact_s - WARNING_SEARCH_TIME_BEFORE_CONTACT_S),
         encounter.contact_s,
@@ -38,15 +46,13 @@ def warning_window(encounter: Encounter, demands: dict[str, float], policy: str 
     latest_s = math.nan
     for step_s in (COARSE_STEP_S, SEARCH_STEP_S):  # a later warning never lessens the impact
         times_s = np.arange(begin_s, end_s, step_s)
-        too_late = np.flatnonzero(
-            impact_speeds_with_policy_mps(encounter, policy, times_s) > demands["impact_speed"] + 1e-9
-        )
+        too_late = np.flatnonzero(impact_speeds_with_policy_mps(encounter, policy, times_s) > limit_mps + 1e-9)
         last = int(too_late[0]) - 1 if len(too_late) else len(times_s) - 1
         if last < 0:
-            return WarningWindow(-math.inf, math.nan)
+            return math.nan
         latest_s = float(times_s[last])
         begin_s, end_s = latest_s, min(latest_s + step_s, encounter.contact_s)
-    return WarningWindow(-math.inf, latest_s)
+    return latest_s
 
 
 def r157_driver_avoids(encounter: Encounter) -> bool:

@@ -13,7 +13,7 @@ from cwcli.conformance import run
 from cwcli.conformance.cache import RepetitionCache, repetition_key
 from cwcli.conformance.clause import load_clause
 from cwcli.conformance.results import Repetition
-from cwcli.conformance.run import BUILTIN_RULE_NAMES, ConformConfig, run_clauses
+from cwcli.conformance.run import BUILTIN_RULE_NAMES, ConformConfig, run_clauses, run_clauses_with_rules
 from cwcli.conformance.verdict import Verdict
 from cwcli.errors import UsageError
 from cwcli.warning.rules import RULES
@@ -27,14 +27,17 @@ def driven(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
     """The trials and seeds that are run, none of them really."""
     calls: list[tuple[int, int]] = []
 
-    def run_trial(name: str, index: int, seeds: Sequence[int], config: ConformConfig) -> tuple[Repetition, ...]:
+    def run_trial(
+        name: str, index: int, seeds: Sequence[int], config: ConformConfig, rules: Sequence[str]
+    ) -> dict[str, tuple[Repetition, ...]]:
         calls.extend((index, seed) for seed in seeds)
-        return tuple(
+        found = tuple(
             Repetition(str(seed), Verdict(0.1 * seed, "s", f"trial {index}", {"ttc_s": math.inf}, seed == 2))
             for seed in seeds
         )
+        return dict.fromkeys(rules, found)
 
-    monkeypatch.setattr(run, "run_trial", run_trial)
+    monkeypatch.setattr(run, "run_trial_with_rules", run_trial)
     return calls
 
 
@@ -66,6 +69,20 @@ def test_another_option_uses_nothing_of_it(
     driven.clear()
     margins(tmp_path, replace(ConformConfig(1, 1), **changed))  # type: ignore[arg-type]
     assert len(driven) == N_TRIALS
+
+
+def test_one_more_rule_runs_each_trial_once_and_is_kept_beside_the_first(
+    tmp_path: Path, driven: list[tuple[int, int]]
+) -> None:
+    margins(tmp_path, ConformConfig(1, 1))
+    driven.clear()
+    cache = RepetitionCache(str(tmp_path))
+    found = run_clauses_with_rules([CLAUSE], ConformConfig(1, 1), ("cwcli", "ttc", "path-ttc"), cache=cache)
+    assert list(found) == ["cwcli", "ttc", "path-ttc"]
+    assert driven == [(k, 0) for k in range(N_TRIALS)]
+    driven.clear()
+    assert margins(tmp_path, ConformConfig(1, 1, "path-ttc")) == [[0.0]] * N_TRIALS
+    assert driven == []
 
 
 def test_changed_code_uses_nothing_of_it(

@@ -7,10 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from cwcli.conformance.clause import load_clause
 from cwcli.conformance.encounter import Encounter, time_to_close_gap_s
 from cwcli.conformance.online import build_trial_scenario, true_encounter
-from cwcli.conformance.scenes import LANE_WIDTH_M, SCENES
+from cwcli.conformance.scenes import LANE_WIDTH_M, SCENES, build_radar_return
 from cwcli.errors import UsageError
+from cwcli.simulation.drive import simulate_scenario
 
 MPH = 0.44704
 ATOL_M = 1e-6
@@ -118,6 +120,37 @@ def test_a_scene_for_false_warnings_has_no_contact(scene: str, given: dict[str, 
     encounter = drive(scene, **given)
     assert math.isnan(encounter.contact_s)
     assert encounter.separation_m.min() > 0.2
+
+
+def test_the_curves_with_a_parked_car_begin_before_every_warning_of_a_standing_car_is_due() -> None:
+    """Up to the curve the drive is an approach to a standing car, so nobody could pass if its warning were due before.
+
+    A curve of R is b beside the straight line after sqrt(2 R b), where the parked car's rear is; the host's front is
+    half a length nearer. UN R131 asks for a warning 0.8 s before braking with 4 m/s^2 has to begin.
+    """
+    trials = [trial for trial in load_clause("un-r152").trials if trial.scene == "parked-in-curve"]
+    assert [trial.given["radius"] for trial in trials] == [100.0, 250.0]
+    for trial in trials:
+        speed, beside_m = trial.given["host_speed"], LANE_WIDTH_M / 2 + 1.8
+        encounter = drive("parked-in-curve", **trial.given)
+        ttc_s = (math.sqrt(2.0 * trial.given["radius"] * beside_m) - 0.5 * 4.5) / speed
+        # the curvature is built up in half a second, which delays the curve by a quarter
+        assert at(encounter, encounter.ttc_s, 7.0 + 0.25) == pytest.approx(ttc_s, abs=ATOL_S)
+        assert ttc_s > 0.8 + speed / (2.0 * 4.0)
+
+
+def test_a_radar_return_is_an_approach_to_what_sends_no_messages() -> None:
+    encounter = drive("radar-return", host_speed=80 / 3.6)
+    assert encounter.ttc_s == pytest.approx(drive("approach", host_speed=80 / 3.6).ttc_s)
+    built = build_radar_return({"host_speed": 80 / 3.6, "other_length": 3.7, "other_width": 2.4})
+    plate = simulate_scenario(build_trial_scenario(built, "nominal", name="trial"), 0)
+    assert not plate.scenario.vehicles["other"].has_v2x
+    returns = plate.detections["radar"].values
+    far = returns[returns[:, 0] > 20.0]
+    # it is first seen at 160 m, and 20 scans a second see it come near by 22.2 m/s
+    assert len(far) == pytest.approx(140.0 / (80 / 3.6) * 20, abs=3)
+    assert far[:, 2] == pytest.approx(-80 / 3.6, abs=6 * 0.12)
+    assert np.abs(far[:, 1]).max() < 6 * math.radians(0.5)
 
 
 def test_a_convoy_brakes_one_after_the_other() -> None:
