@@ -31,12 +31,12 @@ EXAMPLES = (
 CALIBRATION_TABLE_HEADINGS = (
     "source",
     "quantity",
-    "constant of the source",
+    "constant",
     "value",
-    "95 % half-width",
-    "number of logs",
-    "scatter of the logs (chi-square/dof)",
-    "agreement of the logs",
+    "+- (95 %)",
+    "logs",
+    "chi2/dof",
+    "agreement",
 )
 """Headings of the table of constants."""
 FORMAT_BY_DRIVING_EVIDENCE = {

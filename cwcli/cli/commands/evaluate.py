@@ -45,10 +45,10 @@ GATE_TABLE_HEADINGS = ("result", "gate", "number of checks", "failed checks")
 """Headings of the table of gates."""
 SYSTEM_TABLE_HEADINGS = (
     "metric",
-    "value of the other system",
-    "value of cwcli",
-    "states and their reference",
-    "number of samples",
+    "the other system",
+    "cwcli",
+    "comparison",
+    "samples",
 )
 """Headings of the table of another system's metrics."""
 MAX_SHOWN_FAILURES = 20
@@ -187,7 +187,7 @@ def _print_evaluation(
     console.print_heading(f"{run.source}: {what}")
     shown = [row for name, row in pooled.items() if everything or _is_shown_by_default(name)]
     own = [row for row in shown if row.stage != "system"]
-    headings = ("metric", "value", "states and their reference", "95 % interval of the value", "number of samples")
+    headings = ("metric", "value", "comparison", "95 % interval", "samples")
     console.print_summary(format_table(headings, [_metric_cells(row) for row in own]))
     if len(shown) < len(pooled):
         console.print_summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
@@ -351,9 +351,9 @@ def _format_markdown_summary(
                 "metric, all logs pooled",
                 "value",
                 "unit",
-                "states and their reference",
-                "95 % interval of the value",
-                "number of samples",
+                "comparison",
+                "95 % interval",
+                "samples",
             ),
             metric_rows,
         )
