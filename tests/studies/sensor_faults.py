@@ -682,4 +682,4 @@ SOFTWARE_FAULTS = (
 )  # fmt: skip
 """Faults of drivers and recorders, thought of when all others were found. The datum is a drift: with an IMU alone, no
 source shows it. The speed of the east shows nothing on a straight road, and without its slow part an accelerometer costs
-accuracy that sigma holds. A sensor that ends early is a doubt of the whole log (`cwcli.evaluation.doubts.silences`)."""
+accuracy that sigma does not hold in every scenario. A sensor that ends early is a doubt of the whole log (`cwcli.evaluation.doubts.silences`)."""
