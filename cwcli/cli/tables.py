@@ -32,9 +32,10 @@ _NUMBER_PATTERN = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ?%)?|-")
 def format_table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, width: int | None = None) -> str:
     """Format a table: headings, a rule and one line a row, each at most as wide as `width` or the terminal.
 
-    Numbers are right-aligned. A table that is too wide first wraps its headings and its text cells; if that is not
-    enough, it is cut into several tables, which repeat the leading columns that tell the rows apart. In a pipe, where
-    `grep` reads, a topic is never broken, even if its line becomes too long.
+    Numbers are right-aligned. A table that is too wide first wraps its headings, then its text cells between words, and
+    only then within a word, as a name is one; if that is not enough, it is cut into several tables, which repeat the
+    leading columns that tell the rows apart. In a pipe, where `grep` reads, a topic is never broken, even if its line
+    becomes too long.
     """
     keeps_topics = width is None and terminal_width() is None
     width = width or terminal_width() or DEFAULT_OUTPUT_WIDTH_COLUMNS
@@ -125,8 +126,12 @@ def _format_block(
 ) -> str:
     widths = _fit_column_widths(
         [_natural_column_width(heads[i], [row[i] for row in cells]) for i in part],
-        [narrowest[i] for i in part],
-        [least[i] for i in part],
+        [
+            [_longest_word_width([heads[i]], _natural_column_width("", [row[i] for row in cells])) for i in part],
+            [_longest_word_width([heads[i], *(row[i] for row in cells)], narrowest[i]) for i in part],
+            [narrowest[i] for i in part],
+            [max(least[i], 1) for i in part],  # a word wider than the terminal is cut
+        ],
         width - len(COLUMN_GAP) * (len(part) - 1),
     )
     lines = _format_row_lines([heads[i] for i in part], widths, [right[i] for i in part], bottom=True)
@@ -136,20 +141,19 @@ def _format_block(
     return "\n".join(lines)
 
 
-def _fit_column_widths(natural: list[int], narrowest: list[int], least: list[int], available: int) -> list[int]:
-    """Shrink the widest columns until the sum of widths fits, first to `narrowest`, then to `least`."""
+def _longest_word_width(texts: Sequence[str], at_least: int) -> int:
+    return max(at_least, *(terminal_cells_of_text(word) for text in texts for word in text.split()), 0)
+
+
+def _fit_column_widths(natural: list[int], limits: Sequence[list[int]], available: int) -> list[int]:
+    """Shrink the widest columns until the sum of widths fits: all down to the first limits, then to the next ones."""
     widths = list(natural)
-    while sum(widths) > available:
-        spare = [current - least for current, least in zip(widths, narrowest, strict=True)]
-        if max(spare) <= 0:
-            break
-        widest = max((i for i, cells in enumerate(spare) if cells > 0), key=lambda i: widths[i])
-        widths[widest] -= 1
-    while sum(widths) > available:  # a word wider than the terminal is cut
-        spare = [current - max(own, 1) for current, own in zip(widths, least, strict=True)]
-        if max(spare) <= 0:
-            break
-        widths[max((i for i, cells in enumerate(spare) if cells > 0), key=lambda i: widths[i])] -= 1
+    for limit in limits:
+        while sum(widths) > available:
+            wide = [i for i, own in enumerate(limit) if widths[i] > own]
+            if not wide:
+                break
+            widths[max(wide, key=lambda i: widths[i])] -= 1
     return widths
 
 

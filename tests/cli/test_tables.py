@@ -34,6 +34,15 @@ def test_table_wraps_long_text_cells() -> None:
     assert "".join(line[:38].rstrip() for line in lines[2:]).startswith("/a/a/a")
 
 
+def test_headings_and_words_are_wrapped_before_a_name_is_broken() -> None:
+    columns = ("metric", "value before the change", "what happened", "number of logs compared")
+    name = "ego.online_heading_rmse_deg_of_all_logs"
+    lines = format_table(columns, [(name, 0.25, "it is as good as before", 3)], width=80).split("\n")
+    assert max(map(len, lines)) <= 80
+    assert any(line.startswith(name) for line in lines)
+    assert {"it", "is", "as", "good", "before"} <= set("\n".join(lines).split())
+
+
 def test_table_with_too_many_columns_repeats_the_first_in_each_part() -> None:
     columns = ("name", *(f"value {i}" for i in range(30)))
     shown = format_table(columns, [("row", *(1000.25 + i for i in range(30)))])
