@@ -1,4 +1,4 @@
-"""By what rule a truth differs from the track: another clock, point of the car, datum, axes or unit.
+"""The rule by which a truth differs from the track: another clock, point of the car, datum, axes or unit.
 
 Errors of an estimate come and go. A truth that is 0.2 s late, or of a point 1.5 m ahead, differs from the track by one
 rule all along. Such a difference tells nothing of the estimate's covariance, and not which side is wrong: a clock, a
@@ -311,22 +311,28 @@ def _clock_text(late_s: FloatArray) -> str:
     return f"is {abs(late_s[0]):.2g} s {'late' if late_s[0] > 0.0 else 'early'} against the track, as by another clock"
 
 
-def _point_text(place_m: FloatArray) -> str:
-    parts = [
-        f"{abs(value):.2g} m {names[value < 0.0]}"
-        for value, names in zip(place_m.tolist(), (("ahead", "behind"), ("left", "right")), strict=True)
+def _place_text(place_m: FloatArray, directions: Sequence[tuple[str, str]]) -> str:
+    """Format `3 m ahead and 1 m left`; a component below a tenth of the distance is left out.
+
+    Args:
+        place_m: Shape (2,).
+        directions: Words for a positive and for a negative value of each component.
+    """
+    return " and ".join(
+        f"{abs(value):.2g} m {words[value < 0.0]}"
+        for value, words in zip(place_m.tolist(), directions, strict=True)
         if abs(value) > 0.1 * np.hypot(*place_m)
-    ]
-    return f"lies {' and '.join(parts)} of the estimated point, as another point of the car"
+    )
+
+
+def _point_text(place_m: FloatArray) -> str:
+    place = _place_text(place_m, (("ahead", "behind"), ("left", "right")))
+    return f"lies {place} of the estimated point, as another point of the car"
 
 
 def _datum_text(offset_m: FloatArray) -> str:
-    parts = [
-        f"{abs(value):.2g} m {names[value < 0.0]}"
-        for value, names in zip(offset_m.tolist(), (("east", "west"), ("north", "south")), strict=True)
-        if abs(value) > 0.1 * np.hypot(*offset_m)
-    ]
-    return f"lies {' and '.join(parts)} of the track, as by another datum or base station"
+    place = _place_text(offset_m, (("east", "west"), ("north", "south")))
+    return f"lies {place} of the track, as by another datum or base station"
 
 
 def _map_text(parameters: FloatArray) -> str:
@@ -359,7 +365,7 @@ def _held_mask(rows: _Rows) -> BoolArray:
     is_new = np.append(True, (np.diff(rows.truth, axis=0) != 0.0).any(axis=1))
     first = np.flatnonzero(is_new)
     last = np.append(first[1:], len(is_new)) - 1
-    estimated = np.nan_to_num(rows.estimated_quantity(rows.late_s))
+    estimated = rows.estimated_quantity(rows.late_s)  # NaN outside of the track, where no movement is known
     is_held = (rows.stamp_s[last] - rows.stamp_s[first] > MIN_HELD_TIME_S) & (
         np.hypot(*(estimated[last] - estimated[first]).T) > MIN_MOVEMENT_WHILE_HELD_M
     )

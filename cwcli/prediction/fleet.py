@@ -107,14 +107,14 @@ def interpolate_acting_time_s(acting_s: FloatArray, time_s: FloatArray) -> Float
 
 
 def acting_slopes_between_knots(acting_s: FloatArray) -> FloatArray:
-    """By how much acting times (m, k) grow in a second before each knot, (m, k)."""
+    """Return the growth of acting times (m, k) in a second before each knot, (m, k)."""
     out = acting_s.copy()
     out[:, 1:] -= acting_s[:, :-1]
     return np.asarray(out / np.diff(HORIZON_KNOTS_S, prepend=0.0))
 
 
 def time_between_knots_s(time_s: FloatArray) -> FloatArray:
-    """For how long each time has been between each knot and the one before it, (k, ...)."""
+    """Return for how long each time has been between each knot and the one before it, (k, ...)."""
     before_s = np.concatenate([[0.0], HORIZON_KNOTS_S[:-1]])
     return np.stack(
         [

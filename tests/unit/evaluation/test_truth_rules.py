@@ -1,4 +1,4 @@
-"""A truth that differs from the track by one rule is told as that, with the number that was planted by hand."""
+"""A truth that differs from the track by one rule is named as such, with the number that was planted by hand."""
 
 from __future__ import annotations
 
