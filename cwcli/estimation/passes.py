@@ -187,6 +187,11 @@ class RowTimeOrder:
         place[self.order] = np.arange(len(self.order))
         return place
 
+    @cached_property
+    def edges(self) -> list[int]:
+        """Number of rows in time of all series before each one, and of all (S + 1)."""
+        return list(itertools.accumulate(map(np.count_nonzero, self.in_time), initial=0))
+
 
 def find_row_time_order(
     series: Sequence[SensorSeries], start_s: float, output_s: FloatArray, reset_after: int
@@ -231,32 +236,46 @@ class PassInput:
     """Series in time order, ready for any number of passes that differ in the motion model alone.
 
     Attributes:
-        events, sources: See `ekf.run`.
+        values, noise: Shapes (U, 2) and (U, 3), in time order: see `ekf.Events`.
+        sources: See `ekf.run`.
         n_output: Number of output states.
         time_order: Time order of the rows.
         restarts: See `run_filter_pass`.
     """
 
-    events: ekf.Events
+    values: FloatArray
+    noise: FloatArray
     sources: ekf.SourceTable
     n_output: int
     time_order: RowTimeOrder
     restarts: ekf.Restarts | None = None
 
+    def replace_noise(self, series: Sequence[SensorSeries]) -> PassInput:
+        """Return the input of a pass over series that differ from those of this one in their noise alone."""
+        return replace(self, noise=_noise_in_time_order(series, self.time_order))
+
     def run_filter(self, start: FilterStart, motion: ekf.ProcessModel, *, smooth: bool) -> ekf.Pass:
         """Run a pass; `nis` and `status` of the result are in time order."""
+        order_of = self.time_order
+        events = ekf.Events(
+            time_s=order_of.time_s,
+            first=order_of.first,
+            out_row=order_of.out_row,
+            source=order_of.index,
+            values=self.values,
+            noise=self.noise,
+        )
         return ekf.run(
-            self.events, self.sources, motion, start.state, start.covariance, self.n_output,
+            events, self.sources, motion, start.state, start.covariance, self.n_output,
             smooth=smooth, restarts=self.restarts,
         )  # fmt: skip
 
     def split_result_by_series(self, result: ekf.Pass) -> PassResult:
         """Return the result with `nis` and `status` split by series, in the order of their rows."""
-        in_time, place = self.time_order.in_time, self.time_order.place
-        nis, status = result.nis.take(place, axis=0), result.status.take(place)
-        edges = np.cumsum([0] + [np.count_nonzero(rows) for rows in in_time])
+        order_of = self.time_order
+        nis, status = result.nis.take(order_of.place, axis=0), result.status.take(order_of.place)
         found_nis, found_status = [], []
-        for (i, j), rows in zip(itertools.pairwise(edges.tolist()), in_time, strict=True):
+        for (i, j), rows in zip(itertools.pairwise(order_of.edges), order_of.in_time, strict=True):
             if j - i == len(rows):
                 found_nis.append(nis[i:j])
                 found_status.append(status[i:j])
@@ -290,11 +309,9 @@ def build_pass_input(
         time_order: That of an earlier pass over the same times, start, outputs and patience; None: it is found.
     """
     order_of = time_order or find_row_time_order(series, start_s, output_s, reset_after)
-    in_time, order = order_of.in_time, order_of.order
-    series = [s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
-    # `take` copies whole rows, which indexing does element by element
-    values = np.concatenate([np.zeros((0, 2)), *map(_measured_values_with_pitch_rate, series)]).take(order, axis=0)
-    noise = np.concatenate([np.zeros((0, 3)), *(s.noise for s in series)]).take(order, axis=0)
+    noise = _noise_in_time_order(series, order_of)
+    series = [s.select_rows(rows) for s, rows in zip(series, order_of.in_time, strict=True)]
+    values = np.concatenate([np.zeros((0, 2)), *map(_measured_values_with_pitch_rate, series)])
     sources = ekf.SourceTable(
         sensor=np.array([s.kind for s in series], np.int32),
         parameters=np.array(
@@ -310,16 +327,15 @@ def build_pass_input(
         patience=order_of.patience,
         sender=_sender_number_of_each_series(series),
     )
-    events = ekf.Events(
-        time_s=order_of.time_s,
-        first=order_of.first,
-        out_row=order_of.out_row,
-        source=order_of.index,
-        values=values,
-        noise=noise,
-    )
     again = _place_restarts_in_time_order(series, start_s, order_of, restarts) if restarts else None
-    return PassInput(events, sources, len(output_s), order_of, again)
+    values = values.take(order_of.order, axis=0)  # copies whole rows, which indexing does element by element
+    return PassInput(values, noise, sources, len(output_s), order_of, again)
+
+
+def _noise_in_time_order(series: Sequence[SensorSeries], order_of: RowTimeOrder) -> FloatArray:
+    """Return the noise of all rows in time, (U, 3)."""
+    noise = [s.noise if rows.all() else s.noise[rows] for s, rows in zip(series, order_of.in_time, strict=True)]
+    return np.concatenate([np.zeros((0, 3)), *noise]).take(order_of.order, axis=0)
 
 
 def _sender_number_of_each_series(series: Sequence[SensorSeries]) -> IntArray:

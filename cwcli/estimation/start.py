@@ -253,7 +253,7 @@ def _turned_angle_and_sigma_rad(series: Sequence[SensorSeries], begin_s: float, 
     for s in series:
         if s.kind is Kind.YAW_RATE and len(s) > 1:
             time = s.time_s - s.latency_s
-            inside = (time >= begin_s) & (time <= end_s)
+            inside = slice(time.searchsorted(begin_s), time.searchsorted(end_s, side="right"))
             t, w = time[inside], s.values[inside, 0]
             gap = np.diff(np.concatenate(([begin_s], t, [end_s])))
             missing = float(gap[gap > MAX_GYROSCOPE_GAP_S].sum())

@@ -102,6 +102,7 @@ class FilterTrials:
         self._start, self._start_position_sigma_m = start, start_position_sigma_m
         self._passes: _RecentValues[Hashable, _TrialPass] = _RecentValues(N_REMEMBERED_PASSES)
         self._inputs: _RecentValues[Hashable, tuple[FilterStart, PassInput]] = _RecentValues(1)
+        self._inputs_of_any_noise: _RecentValues[Hashable, PassInput] = _RecentValues(N_REMEMBERED_ORDERS)
         self._orders: _RecentValues[Hashable, RowTimeOrder] = _RecentValues(N_REMEMBERED_ORDERS)
 
     def run_filter(self, trial: StateLayout) -> PassResult:
@@ -134,17 +135,26 @@ class FilterTrials:
         start = self._start or find_start_with_parameter_states(trial.series, trial.prior, causal=False)
         if self._start_position_sigma_m is not None:
             start.covariance[0, 0] = start.covariance[1, 1] = self._start_position_sigma_m**2
-        times = *((id(s.time_s), s.latency_s, s.kind, s.interval_s) for s in trial.series), start.time_s
+        rows = *map(_key_of_series_without_noise, trial.series), start.time_s
+        if (like := self._inputs_of_any_noise.find_value(rows)) is not None:
+            prepared = like.replace_noise(trial.series)
+        else:
+            prepared = self._order_rows_and_build_pass_input(trial.series, start.time_s)
+        self._inputs_of_any_noise.remember_value(rows, prepared, trial.series)
+        self._inputs.remember_value(key, (start, prepared), trial.series)
+        return start, prepared
+
+    def _order_rows_and_build_pass_input(self, series: Sequence[SensorSeries], start_s: float) -> PassInput:
+        times = *((id(s.time_s), s.latency_s, s.kind, s.interval_s) for s in series), start_s
         prepared = build_pass_input(
-            trial.series,
-            start.time_s,
+            series,
+            start_s,
             np.zeros(0),
             reset_after=RESET_AFTER_REJECTIONS_IN_SEARCH,
             time_order=self._orders.find_value(times),
         )
-        self._orders.remember_value(times, prepared.time_order, trial.series)
-        self._inputs.remember_value(key, (start, prepared), trial.series)
-        return start, prepared
+        self._orders.remember_value(times, prepared.time_order, series)
+        return prepared
 
 
 def trial_key(trial: StateLayout) -> Hashable:
@@ -162,11 +172,16 @@ def _series_keys(series: Sequence[SensorSeries]) -> tuple[Hashable, ...]:
 
 
 def _series_key(s: SensorSeries) -> Hashable:
-    """Return what tells a series from others; written out, because it is made some thousand times a log."""
+    """Return what tells a series from others."""
+    return id(s.noise), s.noise_origin, _key_of_series_without_noise(s)
+
+
+def _key_of_series_without_noise(s: SensorSeries) -> Hashable:
+    """Return what tells a series from those with other rows; written out, as it is made some thousand times a log."""
     return (
-        id(s.time_s), id(s.values), id(s.noise), id(s.pitch_rate), s.source, s.kind, s.noise_origin, s.latency_s,
-        s.stamp_error, s.place_m, s.gate_nis, s.floor, s.bias_state, s.latency_state, s.slow_state, s.scale_state,
-        s.lever_state, s.ahead_state, s.interval_s, s.is_exact,
+        id(s.time_s), id(s.values), id(s.pitch_rate), s.source, s.kind, s.latency_s, s.stamp_error, s.place_m,
+        s.gate_nis, s.floor, s.bias_state, s.latency_state, s.slow_state, s.scale_state, s.lever_state, s.ahead_state,
+        s.interval_s, s.is_exact,
     )  # fmt: skip
 
 
