@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, TextIO
 
-from cwcli.cli.text import escape_control_characters, shorten_and_escape, wrap_paragraph
+from cwcli.cli.text import escape_control_characters, shorten_and_escape, terminal_width, wrap_paragraph
 from cwcli.errors import CwcliError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.version import __version__
@@ -106,8 +106,10 @@ def format_bold(text: str, stream: TextIO | None) -> str:
     return f"\x1b[1m{text}\x1b[0m" if supports_style(stream) else text
 
 
-def format_error(error: CwcliError) -> str:
+def format_error(error: CwcliError, width: int | None = None) -> str:
     """Format an error as `error:`, `found:` and `hint:` lines.
+
+    A width wraps them; without one, each stays a line that can be searched for.
 
     ```
     error: drive.mcap: no channel holds the ego state (needed by `cwcli predict`)
@@ -123,6 +125,8 @@ def format_error(error: CwcliError) -> str:
         lines.extend(_format_found_lines([*entries, f"and {more:,} more"] if more > 0 else entries))
     if error.hint:
         lines.append(f"  hint:  {shorten_and_escape(error.hint)}")
+    if width is not None:
+        lines = [wrap_paragraph(line, rest=" " * 9, width=width) for line in lines]
     return "\n".join(lines)
 
 
@@ -141,7 +145,7 @@ def _format_found_lines(entries: list[str]) -> list[str]:
 def print_error(error: CwcliError) -> None:
     """Print a known error on stderr; errors of a closed stderr are ignored."""
     with contextlib.suppress(OSError):
-        write_line(sys.stderr, format_error(error))
+        write_line(sys.stderr, format_error(error, terminal_width(sys.stderr)))
 
 
 def closest_names_hint(name: str, known: list[str]) -> str:

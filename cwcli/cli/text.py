@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import TextIO
 
 from cwcli.text import (
     escape_control_characters,
@@ -43,12 +44,13 @@ MIN_OUTPUT_WIDTH_COLUMNS = 20
 """Least width in columns that is used; chosen by hand."""
 
 
-def terminal_width() -> int | None:
-    """Width of the terminal on standard output in columns, at least 20; None for a file or a pipe."""
-    if sys.stdout is None or not sys.stdout.isatty():
+def terminal_width(stream: TextIO | None = None) -> int | None:
+    """Width of the terminal on a stream (None: standard output) in columns, at least 20; None for a file or a pipe."""
+    stream = sys.stdout if stream is None else stream
+    if stream is None or not stream.isatty():
         return None
     try:
-        columns = os.get_terminal_size(sys.stdout.fileno()).columns
+        columns = os.get_terminal_size(stream.fileno()).columns
     except (OSError, ValueError):
         return DEFAULT_OUTPUT_WIDTH_COLUMNS
     return max(columns or DEFAULT_OUTPUT_WIDTH_COLUMNS, MIN_OUTPUT_WIDTH_COLUMNS)  # some terminals report 0

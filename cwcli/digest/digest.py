@@ -22,7 +22,7 @@ from cwcli.text import format_number, join_names
 if TYPE_CHECKING:
     from cwcli.digest.drive import Drive
 
-STAGES_WITH_WARNING_STORY = frozenset({"warn", "warn-targets", "warn-lane"})
+WARNING_STAGES = ("warn", "warn-targets", "warn-lane")
 """Stages after which the story of the drive, with its warnings, says what happened."""
 NO_EGO_STATE_TEXT = f"no channel holds {DESCRIPTION_BY_ROLE[EGO_STATE.role]}"
 """The reason for leaving a stage out where the car's motion was not estimated, in the words of the channels."""
@@ -62,7 +62,7 @@ def build_digest(
         InputError: The log is damaged.
         DataError: A channel was written by another version.
     """
-    drive = _read_warned_drive(log) if STAGES_WITH_WARNING_STORY & set(stages) else None
+    drive = _read_warned_drive(log) if set(stages).intersection(WARNING_STAGES) else None
     evidence = read_evidence(log) if drive is None else drive.doubt_evidence
     doubts = find_doubts_in_evidence(evidence)
     sentences = tuple(filter(None, (stage_sentence(stage, evidence.records, tables) for stage in stages)))
@@ -94,14 +94,29 @@ def _story_sentences(drive: Drive) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def _reason_for_no_warnings(left_out: Mapping[str, str]) -> tuple[str, ...]:
-    """Say why a run has no warnings."""
-    reason = left_out.get("warn", "").replace(NO_EGO_STATE_TEXT, "the car's motion is not known")
-    if not reason:
+    """Say why a run has no warnings; where the car's motion is missing, why it was not estimated."""
+    stage = next((each for each in WARNING_STAGES if each in left_out), None)
+    if stage is None:
         return ()
-    other = _OTHER_STAGES_PATTERN.search(reason)
+    what = "lane" if stage == "warn-lane" else "collision"
+    reason, other = left_out[stage], _OTHER_STAGES_PATTERN.search(left_out[stage])
+    reason = reason if other is None else reason[: other.start()]
+    if reason == NO_EGO_STATE_TEXT:
+        reason = left_out.get("estimate", reason)
+    text = f"No {what} warnings were computed: {_in_plain_words(reason)}"
     if other is None:
-        return (f"No warnings were computed: {reason}.",)
-    return (f"No warnings were computed: {reason[: other.start()]}; `cwcli run` with --stage {other[1]} gives some.",)
+        return (f"{text}.",)
+    return (f"{text}; `cwcli run` with --stage {other[1]} {_watched_by_stages_text(other[1])}.",)
+
+
+def _in_plain_words(reason: str) -> str:
+    """Return a reason in the words of somebody who knows no channels."""
+    return reason.replace("no channel holds", "the log lacks").replace("the ego ", "the car's ")
+
+
+def _watched_by_stages_text(stages: str) -> str:
+    """Say what other stages than `warn` warn of."""
+    return "warns of leaving the lane" if stages.endswith("warn-lane") else "gives some warnings"
 
 
 def _count_heard_vehicles(log: Log) -> int:

@@ -85,9 +85,11 @@ class Conflict:
 
 @dataclass(frozen=True)
 class NearestApproach:
-    """The nearest approach of a drive: the other vehicle, the distance of the centres, the time, and the pair.
+    """The nearest approach of a drive: the other vehicle, how near it came, the time, and the pair.
 
     Attributes:
+        distance_m: Distance of the outlines, negative where they overlap; of the centres where `is_of_centres`.
+        is_of_centres: The two were never near enough for their outlines to be compared.
         is_parked: The two stood whenever both were known: how near they came is where they were parked.
     """
 
@@ -95,6 +97,7 @@ class NearestApproach:
     distance_m: float
     stamp_ns: int
     pair: Pair
+    is_of_centres: bool = False
     is_parked: bool = False
 
 
@@ -254,12 +257,29 @@ def rows_of_moving_pair_and_if_always_standing(pair: Pair) -> tuple[npt.NDArray[
 
 
 def _find_nearest_moving_approach(others: Sequence[OtherTrack], pairs: dict[int, Pair]) -> NearestApproach | None:
-    """Find the nearest approach; pairs that always stood count only if there is no other pair."""
-    found = []
+    """Find the nearest approach of the outlines; pairs that always stood count only if there is no other pair."""
+    candidates = []
     for other in others:
-        pair = pairs[id(other)]
-        rows, is_parked = rows_of_moving_pair_and_if_always_standing(pair)
+        rows, is_parked = rows_of_moving_pair_and_if_always_standing(pairs[id(other)])
         if len(rows):
-            row = int(rows[pair.distance_m[rows].argmin()])
-            found.append(NearestApproach(other, float(pair.distance_m[row]), int(pair.stamp_ns[row]), pair, is_parked))
-    return min(found, key=lambda each: (each.is_parked, each.distance_m), default=None)
+            candidates.append((is_parked, float(pairs[id(other)].distance_m[rows].min()), other, rows))
+    nearest: NearestApproach | None = None
+    for is_parked, centres_m, other, rows in sorted(candidates, key=lambda each: each[:2]):
+        pair = pairs[id(other)]
+        least_m = centres_m - 0.5 * (math.hypot(*pair.host_size) + math.hypot(*pair.other_size))
+        if nearest is None or (is_parked, least_m) < (nearest.is_parked, nearest.distance_m):
+            approach = _nearest_approach_of_pair(other, pair, rows, is_parked)
+            if nearest is None or (is_parked, approach.distance_m) < (nearest.is_parked, nearest.distance_m):
+                nearest = approach
+    return nearest
+
+
+def _nearest_approach_of_pair(
+    other: OtherTrack, pair: Pair, rows: npt.NDArray[np.intp], is_parked: bool
+) -> NearestApproach:
+    """Return the nearest approach within some rows of a pair, by the outlines where they can be compared."""
+    gap_m = pair.evaluate_measure(GAP)[rows]
+    is_of_centres = not np.isfinite(gap_m).any()
+    apart_m = pair.distance_m[rows] if is_of_centres else gap_m
+    row = int(np.nanargmin(apart_m))
+    return NearestApproach(other, float(apart_m[row]), int(pair.stamp_ns[rows[row]]), pair, is_of_centres, is_parked)

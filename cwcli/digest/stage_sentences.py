@@ -108,7 +108,7 @@ def _predict_sentence(summary: RecordedSummary, tables: Tables) -> str:
     ahead = _HORIZON_PATTERN.search(title)
     if not errors or ahead is None:
         return "Paths were predicted."
-    return f"Predicted positions {ahead.group()} are wrong on average by {join_names(errors)}."
+    return f"Predicted positions {ahead.group()} differ from the later track by {join_names(errors)} on average."
 
 
 def _predict_lane_sentence(summary: RecordedSummary, tables: Tables) -> str:

@@ -124,8 +124,8 @@ def _build_story_without_doubts(
             badges.append(
                 Badge(f"{format_count(len(drive_encounters.missed_conflicts), 'conflict')} without a warning", "bad")
             )
-        missed = tuple(_missed_conflict_sentences(drive, drive_encounters))
-        return Story(_no_warning_sentence(drive, drive_encounters), missed, tuple(badges), length=length)
+        more = _missed_conflict_sentences(drive, drive_encounters) or _right_silence_sentences(drive, drive_encounters)
+        return Story(_no_warning_sentence(drive, drive_encounters), tuple(more), tuple(badges), length=length)
     if len(drive_encounters.encounters) == 1:
         headline = encounter_sentence(drive, drive_encounters.encounters[0])
         verdict = verdict_sentence(drive.warning_config, drive_encounters.encounters[0])
@@ -321,9 +321,20 @@ def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str
     if drive_encounters.nearest is None:
         return f"{text}; no other vehicle was heard while the car's position was known."
     nearest = drive_encounters.nearest
-    name = f"{nearest.other.kind} {escape_control_characters(nearest.other.id)[:MAX_VEHICLE_ID_CHARACTERS]}"
+    name = short_vehicle_name(nearest.other.kind, nearest.other.id)
     at = _seconds_since_start_text(drive, nearest.stamp_ns)
-    return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away, centre to centre, at {at}."
+    if nearest.distance_m < 0.0:
+        return f"{text}, though the outlines of {name} and of the car overlap at {at}."
+    between = "centre to centre" if nearest.is_of_centres else "outline to outline"
+    return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away, {between}, at {at}."
+
+
+def _right_silence_sentences(drive: Drive, drive_encounters: DriveEncounters) -> list[str]:
+    """Say that no warning was due, by the tracks of all others; [] where they do not tell."""
+    if drive.ego is None or drive_encounters.nearest is None or drive_encounters.n_not_compared:
+        return []
+    conflict = drive.warning_config.parsed_conflict_definition.conflict_text
+    return [f"By the later tracks that was right: there was no moment when {conflict}."]
 
 
 def _state_knowledge_sentence_or_empty(drive: Drive) -> str:

@@ -50,6 +50,22 @@ def test_error_lists_much_found_on_several_lines() -> None:
     assert len(lines) == 4
 
 
+def test_error_fits_the_terminal() -> None:
+    error = errors.MissingSignalError(
+        "no channel holds the ego position (needed by `cwcli run`)",
+        where="../shared/logs/psu-testtrack-1obu.mcap",
+        found=("/v2x/bsm (BasicSafetyMessage)", "/v2x/bsm/second/channel (BasicSafetyMessage)"),
+        hint="name it: --ego-station 2a3c600d",
+    )
+    assert format_error(error, 80) == (
+        "error: ../shared/logs/psu-testtrack-1obu.mcap: no channel holds the ego\n"
+        "         position (needed by `cwcli run`)\n"
+        "  found: /v2x/bsm (BasicSafetyMessage), /v2x/bsm/second/channel\n"
+        "         (BasicSafetyMessage)\n"
+        "  hint:  name it: --ego-station 2a3c600d"
+    )
+
+
 def test_error_escapes_control_characters() -> None:
     error = errors.InputError("bad\x1b[2J", where="a\nb", found=("\x07",), hint="\x9b")
     assert format_error(error) == "error: a\\nb: bad\\x1b[2J\n  found: \\x07\n  hint:  \\x9b"

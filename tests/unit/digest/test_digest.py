@@ -38,11 +38,16 @@ def test_car_is_named_where_it_is_one_of_the_stations() -> None:
     assert named == f"{plain[:-1]}: the car is V2X station 17, named by --ego-station."
 
 
-def test_other_way_to_warnings_is_an_option() -> None:
-    reason = "no channel holds the ego state"
-    motion = "No warnings were computed: the car's motion is not known"
+def test_missing_warnings_are_told_by_what_is_missing() -> None:
+    none = "No collision warnings were computed:"
+    motion, position = "no channel holds the ego state", "no channel holds the ego position"
     assert _reason_for_no_warnings({}) == ()
-    assert _reason_for_no_warnings({"warn": reason}) == (f"{motion}.",)
-    assert _reason_for_no_warnings({"warn": f"{reason} (another way: --stage lanes,warn-lane)"}) == (
-        f"{motion}; `cwcli run` with --stage lanes,warn-lane gives some.",
+    assert _reason_for_no_warnings({"warn": "nobody else is there"}) == (f"{none} nobody else is there.",)
+    assert _reason_for_no_warnings({"warn": motion, "estimate": position}) == (
+        f"{none} the log lacks the car's position.",
     )
+    other = f"{motion} (another way: --stage lanes,warn-lane)"
+    assert _reason_for_no_warnings({"warn": other, "estimate": position}) == (
+        f"{none} the log lacks the car's position; `cwcli run` with --stage lanes,warn-lane warns of leaving the lane.",
+    )
+    assert _reason_for_no_warnings({"warn-lane": "no camera"}) == ("No lane warnings were computed: no camera.",)

@@ -114,6 +114,27 @@ def test_conflict_without_a_warning_is_told() -> None:
     assert any(badge.tone == "bad" for badge in story.badges)
 
 
+def test_no_warning_that_was_right_tells_the_gap_of_the_outlines() -> None:
+    # it stands 120 m ahead, of which the car drives 100 m in 10 s; their outlines are 4.5 m long
+    scene = drive(straight(0.0, 120.0, 0.0, NORTH), no_warnings())
+    story = build_story(scene, find_encounters(scene))
+    assert story.headline == (
+        "In this drive cwcli gave no warning; the nearest other, vehicle 7, was 15.5 m away, outline to outline, at "
+        "10.0 s."
+    )
+    assert story.more[0].startswith("By the later tracks that was right: there was no moment when the two were closer")
+
+
+def test_nearest_is_that_of_the_outlines() -> None:
+    # a bus 12 m long and 2.5 m wide at 7 m: 7 - 0.9 - 1.25 m; a car at 6 m: 6 - 1.8 m
+    scene = drive(straight(6.0, 20.0, 0.0, NORTH), no_warnings())
+    bus = OtherTrack("bus", "vehicle", ActualTrack(*straight(-7.0, 20.0, 0.0, 0.0)), (12.0, 2.5))
+    nearest = find_encounters(replace(scene, others=(*scene.others, bus))).nearest
+    # across the way: half of its length reaches towards the car
+    assert nearest is not None and nearest.other is bus
+    assert math.isclose(nearest.distance_m, 7.0 - 6.0 - 0.9)
+
+
 def test_no_warning_where_the_lane_alone_was_watched() -> None:
     scene = replace(drive(None, no_warnings()), ego=None)
     story = build_story(scene, find_encounters(scene))

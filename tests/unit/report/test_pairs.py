@@ -34,13 +34,13 @@ def test_where_both_stood_is_not_how_near_they_came() -> None:
     met = drive((stamp_ns, state), None, moves=False)
     nearest = find_encounters(met).nearest
     assert nearest is not None and not nearest.is_parked
-    assert nearest.stamp_ns < 5_000_000_000 and nearest.distance_m > 8.0
+    assert nearest.stamp_ns < 5_000_000_000 and nearest.distance_m > 8.0 - 4.5
 
 
 def test_a_pair_that_only_ever_stood_is_parked() -> None:
     met = drive(straight(3.0, 0.0, 0.0, NORTH), None, moves=False)
     nearest = find_encounters(met).nearest
-    assert nearest is not None and nearest.is_parked and nearest.distance_m == 3.0
+    assert nearest is not None and nearest.is_parked and math.isclose(nearest.distance_m, 3.0 - 1.8)
 
 
 def test_who_moves_comes_before_who_is_parked() -> None:
@@ -50,7 +50,8 @@ def test_who_moves_comes_before_who_is_parked() -> None:
         OtherTrack(name, "vehicle", ActualTrack(*way), (4.5, 1.8)) for name, way in (("1", parked), ("2", passing))
     )
     nearest = find_encounters(replace(met, others=others)).nearest
-    assert nearest is not None and nearest.other.id == "2" and math.isclose(nearest.distance_m, 12.0)
+    assert nearest is not None and nearest.other.id == "2"
+    assert math.isclose(nearest.distance_m, 12.0 - 0.9 - 2.25)  # half a width and half a length
 
 
 def test_each_conflict_has_a_name_and_its_warnings() -> None:
