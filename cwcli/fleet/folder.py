@@ -148,26 +148,52 @@ class RecordedLog:
     Attributes:
         folder: Its part of the output folder; None where the id is no plain file name and could lead elsewhere.
         entry: The log's own entry, else the manifest's, or {}.
+        run_url: URL of the run, if the folder is a copy of it without the annotated logs.
     """
 
     id: str
     folder: LogOutputs | None
     entry: Document
+    run_url: str = ""
+
+    def find_annotated_log(self) -> str | None:
+        """Return the path or the URL of the annotated log; None if there is none."""
+        if self.folder is None:
+            return None
+        path = self.folder.annotated_log_path
+        if not self.run_url:
+            return str(path) if path.is_file() else None
+        name, outputs = path.relative_to(self.folder.out).as_posix(), self.entry.get("outputs")
+        return f"{self.run_url}/{name}" if isinstance(outputs, list) and name in outputs else None
 
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """An earlier run, as its output folder records it."""
+    """An earlier run, as its output folder records it.
 
+    Attributes:
+        path: The folder with its tables.
+        url: URL of the run, if the folder is a copy of it.
+    """
+
+    path: Path
     logs: tuple[RecordedLog, ...]
     gates: tuple[str, ...]
+    url: str = ""
+
+    def name_of_file(self, path: Path) -> str:
+        """Return what a file of the folder is called for the user."""
+        return f"{self.url}/{path.relative_to(self.path).as_posix()}" if self.url else str(path)
 
 
-def read_output_folder(out: Path) -> RecordedRun | None:
+def read_output_folder(out: Path, url: str = "") -> RecordedRun | None:
     """Read the run in an output folder: the logs in the manifest, else those that have a folder.
 
     The manifest of a killed run calls every log pending; then its own entry is read. All types are checked, because the
     files may come from elsewhere.
+
+    Args:
+        url: URL of the run, if the folder is a copy of it.
 
     Returns:
         The run, or None if the folder holds none.
@@ -178,7 +204,7 @@ def read_output_folder(out: Path) -> RecordedRun | None:
     remember_input_file(out / MANIFEST_NAME)
     manifest = read_json_object(out / MANIFEST_NAME) or {}
     if what := format_mismatch_text_or_empty(manifest):
-        raise InputError(what, where=str(out / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
+        raise InputError(what, where=f"{url or out}/{MANIFEST_NAME}", hint=OTHER_FORMAT_HINT)
     listed = manifest.get("logs")
     if not isinstance(listed, list):
         listed = [{"id": name} for name in iter_recorded_log_ids(out)]
@@ -193,8 +219,8 @@ def read_output_folder(out: Path) -> RecordedRun | None:
             folder.note_entry_as_input()
         # the manifest of a run that was killed knows of no log that has ended
         own = folder.read_entry() if folder is not None and entry.get("status") not in ENDED_LOG_STATUSES else None
-        logs.append(RecordedLog(name, folder, own or entry))
-    return RecordedRun(tuple(logs), _gates_of_manifest(manifest))
+        logs.append(RecordedLog(name, folder, own or entry, url))
+    return RecordedRun(out, tuple(logs), _gates_of_manifest(manifest), url)
 
 
 def read_gates_of_earlier_run(out: Path) -> tuple[str, ...]:

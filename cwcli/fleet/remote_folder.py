@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -27,8 +27,11 @@ FILES_WRITTEN_LAST = (RUN_TIMES_NAME, MANIFEST_NAME)
 """Files of a run that say what the others hold, in the order in which they are sent after them."""
 
 
-def copy_remote_folder(url: str, target: Path) -> None:
-    """Copy all files below a URL of a store to a folder of this machine.
+def copy_remote_folder(url: str, target: Path, is_wanted: Callable[[str], bool] = lambda name: True) -> None:
+    """Copy the files below a URL of a store to a folder of this machine.
+
+    Args:
+        is_wanted: Tells by its path in the folder whether a file is copied.
 
     Raises:
         InputError: There are none, they can't be read, or one has a name that leads elsewhere.
@@ -39,8 +42,32 @@ def copy_remote_folder(url: str, target: Path) -> None:
     names = list(_iter_names_below(system, base, url))
     if not names:
         raise InputError("there is no such folder", where=display_name_of_url(url))
+    copy_remote_files(url, filter(is_wanted, names), target)
+
+
+def copy_remote_files(url: str, names: Iterable[str], target: Path) -> None:
+    """Copy files below a URL of a store, by their paths in the folder, to a folder of this machine.
+
+    Raises:
+        InputError: They can't be read.
+        OutputError: They can't be written.
+    """
+    system, base = _file_system_and_folder(url)
     for name in names:
         _copy_remote_file(system, base + name, target / name)
+
+
+def make_working_folder() -> Path:
+    """Make a folder for copies of what lies in a store.
+
+    Raises:
+        OutputError: It can't be made.
+    """
+    try:
+        return Path(tempfile.mkdtemp(prefix="cwcli-run-"))
+    except OSError as error:
+        what = f"no working folder can be made: {error.strerror}"
+        raise OutputError(what, where=tempfile.gettempdir(), hint="set TMPDIR to a folder with space") from error
 
 
 def _file_system_and_folder(url: str) -> tuple[Any, str]:
@@ -107,11 +134,7 @@ class StoreFolder:
         self.path = Path()
 
     def __enter__(self) -> Self:
-        try:
-            self.path = Path(tempfile.mkdtemp(prefix="cwcli-run-"))
-        except OSError as error:
-            what = f"no working folder can be made: {error.strerror}"
-            raise OutputError(what, where=tempfile.gettempdir(), hint="set TMPDIR to a folder with space") from error
+        self.path = make_working_folder()
         try:
             self._fetch_earlier_run()
         except BaseException as error:

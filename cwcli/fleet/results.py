@@ -17,15 +17,14 @@ from cwcli.fleet.folder import (
     LogOutputs,
     RecordedLog,
     RecordedRun,
-    read_output_folder,
     read_run_time_s_by_log,
 )
+from cwcli.fleet.run_source import is_folder_of_logs, read_run_or_none
 from cwcli.fleet.staged_tables import iter_staged_tables, list_staged_tables
 from cwcli.fleet.table_schemas import LOG_COLUMN
 from cwcli.fleet.tables import METRICS_TABLE, TABLE_FILE_SUFFIX
 from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.headline import COLUMNS_MISSING_IN_EARLIER_VERSIONS, METRICS_TABLE_COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, MetricRow, metric_rows_by_name, notes_from_metadata
 from cwcli.metrics.table import Table, TableColumn
@@ -97,28 +96,23 @@ def read_run_metrics(
     how = _ScoringOptions(truth, system)
     if not source:
         raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
-    path = Path(source)
-    try:
-        is_folder = source != STDIN_NAME and path.is_dir() and not is_recording_folder(path)
-    except ValueError as error:  # a zero byte in the name
-        raise InputError(str(error), where=source) from error
-    if is_folder:
-        return _metrics_of_folder(source, path, how, step)
+    path, name = Path(source), display_name_of_url(source)
+    run = read_run_or_none(source)
+    if run is not None:
+        return RunMetrics(name, tuple(_iter_metrics_of_run(run, how, step)), run.gates)
+    if is_folder_of_logs(source):
+        return _metrics_of_logs_in_folder(source, how, step)
     if path.suffix.lower() == ".parquet":
         if system is not None:
             raise UsageError("--topic needs the annotated logs, not their table of metrics", where=source)
         return RunMetrics(source, tuple(_metrics_of_table(path)))
-    name = display_name_of_url(source)
     step(f"evaluating {name}")
     log = _score_log(source, Path(name).name if source != STDIN_NAME else "<stdin>", how)
     return RunMetrics(name, (replace(log, source=source),), is_one_log=True)
 
 
-def _metrics_of_folder(source: str, path: Path, how: _ScoringOptions, step: Callable[[str], None]) -> RunMetrics:
-    run = read_output_folder(path)
-    if run is not None:
-        return RunMetrics(source, tuple(_iter_metrics_of_output_folder(path, run, how, step)), run.gates)
-    found = sorted(each for each in path.iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
+def _metrics_of_logs_in_folder(source: str, how: _ScoringOptions, step: Callable[[str], None]) -> RunMetrics:
+    found = sorted(each for each in Path(source).iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
     if not found:
         raise InputError(
             f"the folder holds neither a {MANIFEST_NAME} nor logs (*.mcap)",
@@ -137,15 +131,14 @@ def _metrics_of_folder(source: str, path: Path, how: _ScoringOptions, step: Call
     return RunMetrics(source, tuple(logs))
 
 
-def _iter_metrics_of_output_folder(
-    path: Path, run: RecordedRun, how: _ScoringOptions, step: Callable[[str], None]
-) -> Iterator[LogMetrics]:
-    """Yield the metrics of each log of an output folder."""
-    times = read_run_time_s_by_log(path)
-    metrics = MetricsOfRun(path)
+def _iter_metrics_of_run(run: RecordedRun, how: _ScoringOptions, step: Callable[[str], None]) -> Iterator[LogMetrics]:
+    """Yield the metrics of each log of a run."""
+    times = read_run_time_s_by_log(run.path)
+    metrics = MetricsOfRun(run)
     for log in run.logs:
         if log.folder is None:
-            raise InputError(f"the log id {log.id!r} is not the name of a file", where=str(path / MANIFEST_NAME))
+            where = run.name_of_file(run.path / MANIFEST_NAME)
+            raise InputError(f"the log id {log.id!r} is not the name of a file", where=where)
         if log.entry.get("status") != "done":
             found = LogMetrics(log.id, error=_error_or_not_done_text(log.entry))
         else:
@@ -165,13 +158,14 @@ def _metrics_of_log(
         if scores.get("truth", "auto") == how.truth and how.system is None:
             return LogMetrics(folder.id, rows, notes=tuple(str(scores.get("notes", "")).splitlines()))
     except InputError:
-        if not folder.annotated_log_path.is_file():
+        if log.find_annotated_log() is None:
             return LogMetrics(folder.id, error=NO_TABLE_TEXT)
-    if not folder.annotated_log_path.is_file():
+    annotated = log.find_annotated_log()
+    if annotated is None:
         return LogMetrics(folder.id, error=NO_LOG_TEXT)
     step(f"evaluating {folder.id}")
     try:
-        return _score_log(str(folder.annotated_log_path), folder.id, how)
+        return _score_log(annotated, folder.id, how)
     except UsageError:
         raise
     except CwcliError as error:
@@ -185,8 +179,9 @@ class MetricsOfRun:
         is_needed: Tells by its name whether a metric is needed; others are not held in memory. None: all are.
     """
 
-    def __init__(self, out: Path, is_needed: Callable[[str], bool] | None = None) -> None:
-        self._path = out / f"{METRICS_TABLE}{TABLE_FILE_SUFFIX}"
+    def __init__(self, run: RecordedRun, is_needed: Callable[[str], bool] | None = None) -> None:
+        self._run = run
+        self._path = run.path / f"{METRICS_TABLE}{TABLE_FILE_SUFFIX}"
         self._is_needed = is_needed
         self._error: InputError | None = None
         self._rows: Mapping[str, Mapping[str, MetricRow]] | None = None
@@ -202,10 +197,21 @@ class MetricsOfRun:
             InputError: The table is missing or damaged.
         """
         staged = folder.staged_tables_path
-        if staged.is_file():
-            metrics_tables = [each for each in list_staged_tables(staged) if each.name == METRICS_TABLE]
-            for _, table in iter_staged_tables(staged, metrics_tables):
-                return _checked_metric_rows_by_name(_table_from_arrow(table, staged), staged)
+        is_staged = staged.is_file()
+        try:
+            return self._rows_in_staged_tables(staged) if is_staged else self._rows_in_table_of_run(folder.id)
+        except InputError as error:
+            where = self._run.name_of_file(staged if is_staged else self._path)
+            raise InputError(error.what, where=where, hint=error.hint) from error
+
+    @staticmethod
+    def _rows_in_staged_tables(path: Path) -> Mapping[str, MetricRow]:
+        tables = [each for each in list_staged_tables(path) if each.name == METRICS_TABLE]
+        for _, table in iter_staged_tables(path, tables):
+            return _checked_metric_rows_by_name(_table_from_arrow(table, path), path)
+        return {}
+
+    def _rows_in_table_of_run(self, id: str) -> Mapping[str, MetricRow]:
         if self._rows is None and self._error is None:
             try:
                 self._rows = _metric_rows_by_log(self._path, self._is_needed)
@@ -213,7 +219,7 @@ class MetricsOfRun:
                 self._error = error
         if self._error is not None:
             raise self._error
-        return (self._rows or {}).get(folder.id, {})
+        return (self._rows or {}).get(id, {})
 
 
 def _checked_metric_rows_by_name(table: Table, path: Path) -> dict[str, MetricRow]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.events.search import FoundEvent, Query, find_events_in_log
-from cwcli.fleet.folder import MANIFEST_NAME, read_output_folder
+from cwcli.fleet.folder import MANIFEST_NAME
 from cwcli.fleet.inputs import expand_sources
+from cwcli.fleet.run_source import read_run_or_none
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 
@@ -65,21 +65,15 @@ def _logs_of_argument(argument: str) -> Iterator[SearchedLog]:
     if argument == STDIN_ARGUMENT:
         yield SearchedLog("<stdin>", STDIN_ARGUMENT)
         return
-    try:
-        run = read_output_folder(Path(argument)) if argument and Path(argument).is_dir() else None
-    except ValueError as error:  # a zero byte in the name
-        raise InputError(str(error), where=argument) from error
+    run = read_run_or_none(argument)
     if run is None:
         for name, path in expand_sources([argument]):
             yield SearchedLog(name, path)
         return
-    logs = [
-        SearchedLog(log.id, str(log.folder.annotated_log_path))
-        for log in run.logs
-        if log.folder is not None and log.folder.annotated_log_path.is_file()
-    ]
+    found = ((log.id, log.find_annotated_log()) for log in run.logs)
+    logs = [SearchedLog(id, path) for id, path in found if path is not None]
     if not logs:
-        raise InputError("the run holds no annotated log", where=f"{argument}/{MANIFEST_NAME}")
+        raise InputError("the run holds no annotated log", where=run.name_of_file(run.path / MANIFEST_NAME))
     yield from logs
 
 

@@ -137,7 +137,7 @@ class PageAddresses:
         if entry.log is None or entry.has_failed:
             return None
         try:
-            with Log.open(str(entry.log) if self.is_folder else self._source) as log:
+            with Log.open(entry.log if self.is_folder else self._source) as log:
                 return _find_link_targets(log, name or self.anchor_log_name(entry))
         except CwcliError:
             return None

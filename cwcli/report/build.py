@@ -113,7 +113,7 @@ def build_report(
         run = _replace_metrics_with_system(run, source, system, say)
     gates = [*run.gates, *gates]
     if len(run.entries) == 1 and not run.entries[0].has_failed and run.entries[0].log is not None:
-        source = source if not run.is_folder else str(run.entries[0].log)
+        source = source if not run.is_folder else run.entries[0].log
         return _build_report_of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
     results = check_gates(gates, [log_metrics_of_entry(each) for each in run.entries])
     is_opened = len(run.entries) <= MAX_LOGS_OPENED
@@ -261,7 +261,7 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult],
         badges += [Badge(format_count(n_doubts, "doubt"), "plain")] if n_doubts else []
     elif entry.log is not None:
         try:
-            with Log.open(str(entry.log)) as log:
+            with Log.open(entry.log) as log:
                 n_warnings = _count_raised_warnings(log)
                 sources = read_ego_sources(entry.id, read_run_records(log).get("estimate", {}))
                 track = read_ego_track_svg_path(log)

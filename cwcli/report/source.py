@@ -8,10 +8,10 @@ from pathlib import Path
 
 from cwcli.digest.fleet import LogLine
 from cwcli.errors import InputError
-from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, RecordedLog, read_output_folder
+from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, RecordedLog
 from cwcli.fleet.results import MetricsOfRun
+from cwcli.fleet.run_source import is_folder_of_logs, read_run_or_none
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.read.recording import is_recording_folder
 from cwcli.metrics.gate_syntax import metric_names_in_gate
 from cwcli.metrics.gates import matches_pattern
 from cwcli.metrics.pooling import MetricRow
@@ -26,7 +26,7 @@ class LogEntry:
     """One log of a run.
 
     Attributes:
-        log: The annotated log, None where there is none.
+        log: Path or URL of the annotated log, None where there is none.
         has_failed: The run could not finish it.
         error: What, where and hint of the failure.
         skip_reason_by_stage: Stage -> why it did not run.
@@ -36,7 +36,7 @@ class LogEntry:
     id: str
     name: str
     source: str
-    log: Path | None
+    log: str | None
     has_failed: bool = False
     error: Mapping[str, str] = field(default_factory=dict)
     skip_reason_by_stage: Mapping[str, str] = field(default_factory=dict)
@@ -71,15 +71,10 @@ def read_reported_run(source: str, is_metric_needed: Callable[[str], bool] | Non
     """
     if not source:
         raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
-    path = Path(source)
-    try:
-        is_folder = source != "-" and path.is_dir() and not is_recording_folder(path)
-    except ValueError as error:  # a zero byte in the name
-        raise InputError(str(error), where=source) from error
-    if not is_folder:
+    run = read_run_or_none(source)
+    if run is None and not is_folder_of_logs(source):
         shown = Path(display_name_of_url(source))
-        return ReportedRun(shown.name, (LogEntry(shown.stem, shown.name, str(shown), path),), (), is_folder=False)
-    run = read_output_folder(path)
+        return ReportedRun(shown.name, (LogEntry(shown.stem, shown.name, str(shown), source),), (), is_folder=False)
     if run is None:
         raise InputError(
             f"the folder has no readable {MANIFEST_NAME}: it is not the output of `cwcli run -d`",
@@ -91,9 +86,10 @@ def read_reported_run(source: str, is_metric_needed: Callable[[str], bool] | Non
     is_needed = None
     if is_metric_needed is not None and len(run.logs) > MAX_LOGS_WITH_ALL_METRICS:
         is_needed = _gate_metric_filter(run.gates, is_metric_needed)
-    metrics = MetricsOfRun(path, is_needed)
+    metrics = MetricsOfRun(run, is_needed)
     entries = tuple(_build_log_entry(log, metrics) for log in run.logs)
-    return ReportedRun(path.resolve().name, entries, run.gates, is_folder=True)
+    name = display_name_of_url(run.url).rpartition("/")[2] or run.path.resolve().name
+    return ReportedRun(name, entries, run.gates, is_folder=True)
 
 
 def _gate_metric_filter(gates: Sequence[str], others: Callable[[str], bool]) -> Callable[[str], bool]:
@@ -104,7 +100,6 @@ def _gate_metric_filter(gates: Sequence[str], others: Callable[[str], bool]) -> 
 
 def _build_log_entry(log: RecordedLog, metrics_of_run: MetricsOfRun) -> LogEntry:
     """Build the entry of one log of the folder; damaged metrics count as its failure."""
-    annotated = None if log.folder is None else log.folder.annotated_log_path
     has_failed = log.entry.get("status") != "done"
     error, left_out = log.entry.get("error"), log.entry.get("left_out")
     if has_failed and not isinstance(error, dict):
@@ -120,7 +115,7 @@ def _build_log_entry(log: RecordedLog, metrics_of_run: MetricsOfRun) -> LogEntry
         id=log.id,
         name=log.id,
         source=str(log.entry.get("source") or ""),
-        log=annotated if annotated is not None and annotated.is_file() else None,
+        log=log.find_annotated_log(),
         has_failed=has_failed,
         error={key: str(error[key]) for key in ("what", "where", "hint") if error.get(key)}
         if isinstance(error, dict)

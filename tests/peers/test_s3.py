@@ -5,17 +5,24 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
+from typing import ClassVar
 
 import pytest
 
-from tests.cli.fleet_logs import tree
+from tests.cli.fleet_logs import cut, tree
+
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
 
 
 @pytest.fixture(scope="module")
@@ -152,3 +159,133 @@ def test_a_run_into_s3_that_was_killed_goes_on(bucket: dict[str, str], tmp_path:
     )  # fmt: skip
     assert denied.returncode == 6
     assert "s3://nobucket/run: it can't be read: there is no such file" in " ".join(denied.stderr.split())
+
+
+@pytest.fixture(scope="module")
+def run_in_store(bucket: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run over two logs, in `out` of the folder and in s3://runs/out."""
+    folder = tmp_path_factory.mktemp("runs")
+    logs = [cut(SAMPLES / name, folder / name, seconds=8.0) for name in ("rear-end.mcap", "straight.mcap")]
+    done = call_cwcli(bucket, folder, "run", *map(str, logs), "-d", "out", "--jobs", "1", "-q")
+    assert done.returncode == 0, done.stderr
+    script = (
+        "import fsspec; s3 = fsspec.filesystem('s3'); s3.mkdir('runs'); s3.put('out/', 'runs/out/', recursive=True)"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, env={**os.environ, **bucket}, cwd=folder, timeout=600)
+    return folder
+
+
+def call_cwcli(bucket: dict[str, str], folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "cwcli", *arguments],
+        check=False, capture_output=True, text=True, cwd=folder, timeout=600,
+        env={**os.environ, **bucket, "PYTHONPATH": str(SAMPLES.parent), "TMPDIR": str(folder)},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("evaluate", "{run}", "--all"),
+        ("evaluate", "{run}", "--truth", "none", "--json"),  # scored again, from the annotated logs
+        ("find", "{run}", "all"),
+        ("compare", "{run}", "out", "--messages"),
+        ("report", "{run}", "-o", "-"),
+    ],
+    ids=" ".join,
+)
+def test_a_run_in_a_store_is_read_like_one_on_this_machine(
+    bucket: dict[str, str], run_in_store: Path, command: tuple[str, ...]
+) -> None:
+    for url in ("s3://runs/out", "s3://runs/out/"):
+        texts = []
+        for name in ("out", url):
+            done = call_cwcli(bucket, run_in_store, *(part.format(run=name) for part in command))
+            assert done.returncode == 0, done.stderr
+            texts.append(done.stdout)
+        assert texts[1].replace(url, "out") == texts[0]
+    assert sorted(path.name for path in run_in_store.iterdir()) == ["out", "rear-end.mcap", "straight.mcap"]
+
+
+def require_keys_of_known_users(bucket: dict[str, str], after_n_requests: str) -> None:
+    """Let the store allow some more requests with the keys of nobody."""
+    url, headers = f"{bucket['AWS_ENDPOINT_URL']}/moto-api/reset-auth", {"Content-Type": "text/plain"}
+    request = urllib.request.Request(url, data=after_n_requests.encode(), headers=headers)
+    urllib.request.urlopen(request, timeout=60).close()
+
+
+@pytest.mark.parametrize("command", ["evaluate", "report", "find", "compare"])
+def test_a_run_in_a_store_that_can_not_be_read_is_one_line(
+    bucket: dict[str, str], run_in_store: Path, command: str
+) -> None:
+    """No such bucket, no such folder, no run in it, and a store that does not allow it."""
+    more = {"report": ("-o", "page.html"), "find": ("all",), "compare": ("out",)}.get(command, ())
+
+    def call_and_get_error(url: str) -> str:
+        done = call_cwcli(bucket, run_in_store, command, url, *more)
+        assert done.returncode == 3, done.stderr
+        assert done.stdout == ""
+        return " ".join(done.stderr.split())
+
+    assert "error: s3://nobody/out: it can't be read: there is no such file (The specified bucket" in (
+        call_and_get_error("s3://nobody/out")
+    )
+    assert "error: s3://runs/nothing: " in call_and_get_error("s3://runs/nothing")
+    require_keys_of_known_users(bucket, after_n_requests="0")
+    try:
+        denied = call_and_get_error("s3://runs/out")
+    finally:
+        require_keys_of_known_users(bucket, after_n_requests="inf")
+    assert "error: s3://runs/out: it can't be read: the server does not allow it (status 403)" in denied
+    assert not (run_in_store / "page.html").exists()
+
+
+class BreakingStore(BaseHTTPRequestHandler):
+    """Passes requests on to a store; breaks off in the middle of the files whose names match a pattern."""
+
+    behind: ClassVar[str]
+    broken: ClassVar[str]
+
+    def do_GET(self) -> None:
+        """Answer with what the store behind answers, or half of it."""
+        request = urllib.request.Request(f"{self.behind}{self.path}", headers=dict(self.headers.items()))
+        try:
+            answer = urllib.request.urlopen(request, timeout=60)
+        except urllib.error.HTTPError as error:
+            answer = error
+        with answer:
+            body = b"" if self.command == "HEAD" else answer.read()
+            self.send_response(answer.status)
+            for name, value in answer.headers.items():
+                if name.lower() not in {"transfer-encoding", "connection", "date", "server"}:
+                    self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(body[: len(body) // 2] if re.search(self.broken, self.path) else body)
+
+    do_HEAD = do_GET
+
+    def log_message(self, *arguments: object) -> None:
+        """Say nothing."""
+
+
+@pytest.mark.parametrize(
+    ("command", "broken", "where"),
+    [
+        (("evaluate", "s3://runs/out"), "/manifest.json", "s3://runs/out"),
+        (("report", "s3://runs/out", "-o", "page.html"), "/metrics.parquet", "s3://runs/out"),
+        (("find", "s3://runs/out", "all"), "/annotated.mcap", "s3://runs/out/logs/rear-end/annotated.mcap"),
+    ],
+)
+def test_a_store_that_dies_in_mid_read_is_one_line(
+    bucket: dict[str, str], run_in_store: Path, command: tuple[str, ...], broken: str, where: str
+) -> None:
+    handler = type("Handler", (BreakingStore,), {"behind": bucket["AWS_ENDPOINT_URL"], "broken": broken})
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        environment = {**bucket, "AWS_ENDPOINT_URL": f"http://127.0.0.1:{server.server_port}"}
+        done = call_cwcli(environment, run_in_store, *command)
+        server.shutdown()
+    assert done.returncode == 3, done.stderr
+    said = " ".join(done.stderr.split())
+    assert said.startswith(f"error: {where}") and "the connection broke before the whole file had come" in said
+    assert sorted(path.name for path in run_in_store.iterdir()) == ["out", "rear-end.mcap", "straight.mcap"]

@@ -62,7 +62,7 @@ RunArgument = Annotated[
     str,
     typer.Argument(
         metavar="SOURCE",
-        help="Output folder of `cwcli run -d`, folder of annotated logs, or one annotated log; - is standard input.",
+        help="Output folder of `cwcli run -d`, annotated log or a folder of them, or a URL; - is standard input.",
     ),
 ]
 

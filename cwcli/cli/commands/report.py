@@ -33,7 +33,7 @@ PAGE_SUFFIXES = (".html", ".htm", PDF_SUFFIX)
 SourceArgument = Annotated[
     str,
     typer.Argument(
-        metavar="SOURCE", help="Output folder of `cwcli run -d`, or one annotated log; - is a log on standard input."
+        metavar="SOURCE", help="Output folder of `cwcli run -d`, one annotated log, or a URL; - is standard input."
     ),
 ]
 PageOption = Annotated[
