@@ -6,6 +6,10 @@ from collections.abc import Callable, Iterable
 
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.vehicle_state import StateFlag
+
+WHOLE_LOG_WORDS = "In the whole drive, of which this log is a part, "
+"""Begins the sentence of a doubt that rests on counts over more than the log holds."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,9 @@ class DoubtRule:
             not counted as one.
         short_name: What a list of further doubts calls it; "": its name in `DOUBTS`.
         is_repaired: As in `Doubt`.
+        is_of_whole_log: It rests on counts over all that was estimated: of a log that is a part of that (`cwcli cut`),
+            the sentence says so.
+        flag: What it finds marks states with this flag: a part without such a state has nothing of it.
     """
 
     summary: str
@@ -76,13 +83,18 @@ class DoubtRule:
     is_remark: bool = False
     short_name: str = ""
     is_repaired: bool = False
+    is_of_whole_log: bool = False
+    flag: StateFlag | None = None
 
     def find_doubts(self, name: str, evidence: DoubtEvidence) -> list[Doubt]:
-        """Return the doubts of this rule."""
+        """Return the doubts of this rule; of a part of a log, only those that may concern it."""
+        if evidence.is_part and self.flag is not None and not evidence.has_state_flagged(self.flag):
+            return []
+        whole = WHOLE_LOG_WORDS if evidence.is_part and self.is_of_whole_log else ""
         return [
             Doubt(
                 name,
-                found.sentence,
+                f"{whole}{found.sentence[:1].lower()}{found.sentence[1:]}" if whole else found.sentence,
                 found.advice or self.advice,
                 found.value,
                 self.threshold,

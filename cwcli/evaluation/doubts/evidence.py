@@ -9,6 +9,8 @@ from dataclasses import field
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
 from cwcli.lazy_dataclass import dataclass
@@ -21,7 +23,7 @@ from cwcli.pipeline.records import (
     read_run_records,
 )
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.vehicle_state import EGO_ID
+from cwcli.signals.vehicle_state import EGO_ID, StateFlag
 from cwcli.text import shorten_and_escape
 
 MAX_TOPIC_CHARACTERS = 60
@@ -59,6 +61,17 @@ class DoubtEvidence:
         """The diagnostics of the ego's sources (`estimation.summary.format_source_diagnostics_json`)."""
         found = parse_json_entry_or_empty(self.records.get("estimate", {}), "sources", list)
         return tuple(each for each in found if isinstance(each, dict) and each.get("vehicle") == EGO_ID)
+
+    @cached_property
+    def is_part(self) -> bool:
+        """Whether the log holds only a part of the states that were estimated, as after `cwcli cut`."""
+        rows = self.estimate_summary.rows_of_table_columns_or_empty("vehicles", "vehicle", "states")
+        n_estimated = next((n for vehicle, n in rows if vehicle == EGO_ID), None)
+        return self.ego is not None and isinstance(n_estimated, int) and len(self.ego) < n_estimated
+
+    def has_state_flagged(self, flag: StateFlag) -> bool:
+        """Tell whether a state of the ego has a flag."""
+        return self.ego is not None and bool((self.ego.flags & np.uint8(flag)).any())
 
     def summary_of_stage(self, stage: str) -> RecordedSummary:
         """Return the summary in the record of a stage; an empty one without a record."""

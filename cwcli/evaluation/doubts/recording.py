@@ -67,6 +67,7 @@ LATE_STATES = DoubtRule(
     source="chosen: a second is what a driver needs to react",
     advice="Check the stamps against the log times; --clock log uses the log times.",
     find=find_late_states,
+    is_of_whole_log=True,
 )
 
 
@@ -105,6 +106,7 @@ REJECTED_MESSAGES = DoubtRule(
     source="chosen: as for gated measurements",
     advice="Look at the sensor, or at --map; --details lists the reasons.",
     find=find_rejected_inputs,
+    is_of_whole_log=True,
 )
 
 

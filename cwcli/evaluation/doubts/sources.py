@@ -10,6 +10,7 @@ from cwcli.estimation.tolerances import MAX_GATED_ROW_SHARE, TOLERATED_VARIANCE_
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence, name_sources_in_words, source_name
 from cwcli.pipeline.records import read_finite_number_or_nan, to_float_or_nan
+from cwcli.signals.vehicle_state import StateFlag
 from cwcli.text import format_count, shorten_and_escape
 
 MIN_CONTRADICTIONS_TO_DOUBT_ESTIMATE = 1
@@ -31,6 +32,7 @@ CONTRADICTION = DoubtRule(
     source="chosen: one spoils the estimate",
     advice="Find out which of them is wrong, and leave it out or correct it with --topic or --map.",
     find=find_contradictions,
+    is_of_whole_log=True,
 )
 
 
@@ -68,6 +70,7 @@ CORRECTION = DoubtRule(
     source="chosen: each is shown",
     advice="Mend the recording, or confirm it with --as.",
     find=find_corrected_sources,
+    is_of_whole_log=True,
     is_repaired=True,
 )
 
@@ -92,6 +95,7 @@ GATED = DoubtRule(
     source="chosen: as in the verdict of `estimate`",
     advice="Check its stamps and its mounting.",
     find=find_gated_sources,
+    is_of_whole_log=True,
 )
 
 
@@ -127,6 +131,7 @@ NOISE = DoubtRule(
     source="chosen: as in the verdict of `estimate`",
     advice="Expect greater errors of the states than their covariance says.",
     find=find_understated_noise,
+    is_of_whole_log=True,
 )
 
 
@@ -150,4 +155,6 @@ RESETS = DoubtRule(
     source="chosen: no car jumps",
     advice="Do not use the states flagged after_reset.",
     find=find_resets,
+    is_of_whole_log=True,
+    flag=StateFlag.AFTER_RESET,
 )

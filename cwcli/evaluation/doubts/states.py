@@ -84,6 +84,7 @@ ERRORS = DoubtRule(
     source="chosen: as in the verdict of `estimate`",
     advice="Multiply the covariance.",
     find=find_understated_errors,
+    is_of_whole_log=True,
 )
 
 

@@ -392,6 +392,38 @@ def test_offset_in_a_part_that_was_cut_out_is_no_doubt() -> None:
     assert names(evidence(fix_offsets=[offset])) == ["fixes"]
 
 
+def test_doubts_of_the_whole_log_say_so_in_a_part() -> None:
+    """Twenty states were estimated, ten are left: counts are of all, flags and states of the part."""
+
+    def doubts(n_estimated: int, flags: int = 0) -> list[str]:
+        vehicles = table("vehicles", ["vehicle", "states"], ["ego", n_estimated])
+        bad = source(used=90, gated=10, resets=1, nis_per_dof=4.0, nis_inside=False)
+        found = evidence(bad, ego=states(flags), sections=(nees(["position", 9.0, "OUT"]), vehicles))
+        return [f"{each.name}: {each.sentence}" for each in find_doubts_in_evidence(found)]
+
+    words = "In the whole drive, of which this log is a part, "
+    whole, part = doubts(10), doubts(20)
+    assert [each.split(":")[0] for each in whole] == ["errors", "gated", "noise", "resets"]
+    assert not any(words in each for each in whole)
+    assert [each.split(":")[0] for each in part] == [
+        "errors",
+        "gated",
+        "noise",
+    ]  # no state of the part is after a reset
+    assert all(words in each for each in part)
+    assert doubts(20, int(StateFlag.AFTER_RESET))[-1] == (
+        f"resets: {words}/gps/fix position jumped 1 time, and the track with it."
+    )
+
+
+def test_each_doubt_from_a_record_alone_is_of_the_whole_log() -> None:
+    """A rule that reads neither states nor times of the part can't tell of it: without states it finds the same."""
+    for name, found, _, _ in DOUBTFUL:
+        without = DoubtEvidence(found.records, None, found.start_ns, found.end_ns)
+        if name in names(without) and name not in {"camera", "fixes"}:  # of every frame; restricted by its stamp
+            assert DOUBTS[name].is_of_whole_log, name
+
+
 def test_least_over_window_by_hand() -> None:
     time_s = np.array([0.0, 1.0, 2.0, 3.0, 9.0])
     # windows of 2 s: rows 0-1, 1-2, 2-3, 3 alone (not whole), and none behind the last
