@@ -134,9 +134,9 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
         "quantity",
         "white noise (1 sigma)",
         "origin of the noise",
-        "NIS/dof",
-        "95 % bounds of NIS/dof",
-        "inside bounds",
+        "NIS per dof",
+        "95 % bounds of NIS per dof",
+        "in or out",
     )
     title = (
         "Sensors of the ego: white noise (1 sigma), and the innovations over what it explains (NIS, normalised "
