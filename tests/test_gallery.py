@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from cwcli.cli.app import load_command
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from tests.cli.browser import browser
 from tools import gallery
 from tools.gallery import PICTURES, Picture
@@ -51,7 +51,7 @@ def test_a_page_is_as_wide_as_its_picture(width_px: int, tmp_path: Path) -> None
 @pytest.mark.parametrize("command", sorted({each for picture in PICTURES for each in picture.commands}))
 def test_its_commands_and_their_options_are_there(command: str) -> None:
     program, name, *given = shlex.split(command)
-    assert program == "cwcli" and name in COMMANDS
+    assert program == "cwcli" and name in HELP_LINE_BY_COMMAND
     known = {option for parameter in load_command(name).params for option in parameter.opts}
     assert {each for each in given if each.startswith("-")} <= known
 

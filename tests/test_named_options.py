@@ -13,7 +13,7 @@ import pytest
 import typer.main
 
 from cwcli.cli.app import app, load_command
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*(ROOT / "docs").rglob("*.md"), *ROOT.glob("*.md")])
@@ -60,7 +60,7 @@ def options_of(command: str) -> frozenset[str]:
 
 @cache
 def all_options() -> frozenset[str]:
-    return frozenset().union(*map(options_of, ("", *COMMANDS)))
+    return frozenset().union(*map(options_of, ("", *HELP_LINE_BY_COMMAND)))
 
 
 @cache
@@ -88,10 +88,10 @@ def problems(place: Place, *, is_code: bool) -> Iterator[str]:
     elsewhere = defined_on(place.path)
     if is_code:
         for command in COMMAND_LINE.findall(text):
-            if command not in COMMANDS and f'"{command}": ' not in elsewhere:
+            if command not in HELP_LINE_BY_COMMAND and f'"{command}": ' not in elsewhere:
                 yield f"{place}: there is no command `cwcli {command}`"
     for command, arguments in CALL.findall(text):
-        if command in COMMANDS:
+        if command in HELP_LINE_BY_COMMAND:
             for flag in (*FLAG.findall(arguments), *SHORT_FLAG.findall(arguments)):
                 if is_whole(flag) and flag not in options_of(command):
                     yield f"{place}: `cwcli {command}` has no option {flag}"

@@ -55,14 +55,14 @@ def reference() -> str:
     import typer.main
 
     from cwcli.cli.app import app, load_command
-    from cwcli.cli.commands import COMMANDS
+    from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 
     codes = [(str(code), *words) for code, words in EXIT_CODES.items()]
     parts = [
         HEADER.format(exit_codes=format_markdown_table(("exit code", "meaning", "more"), codes)),
         _section("cwcli", typer.main.get_command(app), "cwcli"),
     ]
-    parts += [_section(f"cwcli {name}", load_command(name), f"cwcli {name}") for name in COMMANDS]
+    parts += [_section(f"cwcli {name}", load_command(name), f"cwcli {name}") for name in HELP_LINE_BY_COMMAND]
     return "\n".join(parts)
 
 

@@ -13,7 +13,7 @@ TOPIC_NAME_PATTERN = re.compile(r"(/[^/\s\x00-\x1f\x7f]+)+")
 """Pattern of a topic name: parts that begin with a slash, without spaces and control characters."""
 
 
-def check_topic_name(topic: str | None) -> None:
+def check_topic_name_if_given(topic: str | None) -> None:
     """Refuse a topic for rendered frames that is not a valid topic name.
 
     Raises:
@@ -35,7 +35,7 @@ def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
         return
     from cwcli.channels.published import schema_name_by_published_topic
 
-    check_topic_name(topic)
+    check_topic_name_if_given(topic)
     if topic == camera_topic:
         raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
     schema_of_topic = next((each.schema_name for each in log.channels if each.topic == topic), "")

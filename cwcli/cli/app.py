@@ -15,7 +15,7 @@ import typer
 import typer.core
 import typer.main
 
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.load import load_command_function_and_examples
 from cwcli.cli.options.complete import run_completion_with_bash_equals_fix
 from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_options
@@ -66,7 +66,7 @@ class LazyGroup(typer.core.TyperGroup):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        for name, line in COMMANDS.items():
+        for name, line in HELP_LINE_BY_COMMAND.items():
             self.commands[name] = typer.core.TyperCommand(name, help=line, rich_markup_mode=None)
 
     def get_params(self, ctx: Any) -> Any:
@@ -75,12 +75,12 @@ class LazyGroup(typer.core.TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command, with its options; None if there is none of this name."""
-        return load_command(cmd_name) if cmd_name in COMMANDS else None
+        return load_command(cmd_name) if cmd_name in HELP_LINE_BY_COMMAND else None
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list of commands without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl(list(HELP_LINE_BY_COMMAND.items()))
 
 
 def load_command(name: str) -> Any:
@@ -151,7 +151,7 @@ def dispatch_command(arguments: list[str]) -> int:
 
 def _usage_error_from_typer(error: typer.TyperException, arguments: list[str]) -> UsageError:
     context = getattr(error, "ctx", None)
-    named = [argument for argument in arguments[:1] if argument in COMMANDS]
+    named = [argument for argument in arguments[:1] if argument in HELP_LINE_BY_COMMAND]
     command = context.command_path if context is not None else " ".join(["cwcli", *named])
     what = " ".join(error.format_message().split()).removesuffix(".")
     variable = _environment_variable_at_fault(error, context)

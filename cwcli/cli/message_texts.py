@@ -20,7 +20,7 @@ MAX_LISTED_LOGS = 20
 """Logs that are listed; chosen by hand, the others are in --json."""
 
 
-def is_identical(messages: RunDifference) -> bool:
+def has_no_difference(messages: RunDifference) -> bool:
     """Whether every message, setting and warning of all logs is the same."""
     return not (messages.differing or messages.unread)
 
@@ -91,7 +91,7 @@ def differences_as_json(messages: RunDifference) -> dict[str, Any]:
     """The differences for `--json`."""
     return {
         "logs": messages.n_logs,
-        "identical": is_identical(messages),
+        "identical": has_no_difference(messages),
         "unread": dict(messages.unread),
         "differing": [
             {

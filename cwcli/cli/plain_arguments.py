@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.options.configfile import find_config_file
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import declaration_of
@@ -24,7 +24,7 @@ def run_plain_command(arguments: Sequence[str]) -> int | None:
     Raises:
         CwcliError: Known errors.
     """
-    if not arguments or arguments[0] not in COMMANDS or not _is_plain_surroundings():
+    if not arguments or arguments[0] not in HELP_LINE_BY_COMMAND or not _is_plain_surroundings():
         return None
     from cwcli.cli.load import load_command_function_and_examples
     from cwcli.input import remember_inputs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.errors import EXIT_CODES
 
 ROOT_HELP_PARAGRAPH = "From a recorded drive to states, predicted paths and collision warnings, on MCAP logs."
@@ -39,7 +39,7 @@ def format_root_help() -> str | None:
     if _terminal_columns() < MAX_HELP_WIDTH_COLUMNS + 2:
         return None
     lines = ["Usage: cwcli [OPTIONS] COMMAND [ARGS]...", "", *_wrap_with_indent(ROOT_HELP_PARAGRAPH, "  "), ""]
-    for heading, rows in {"Options": HELP_BY_ROOT_OPTION, "Commands": COMMANDS}.items():
+    for heading, rows in {"Options": HELP_BY_ROOT_OPTION, "Commands": HELP_LINE_BY_COMMAND}.items():
         lines += [f"{heading}:", *_format_name_and_help_lines(rows), ""]
     wrapped, _, verbatim = ROOT_HELP_EPILOG.partition("\b\n")
     lines += [*_wrap_with_indent(wrapped.strip(), "  "), "", *(f"  {line}" for line in verbatim.rstrip().splitlines())]

@@ -90,9 +90,9 @@ STAMP_SIGMA_RANGE = ParameterRange(
     0.0, 0.2, "s", "twice the interval of fixes ten times a second: more than that are fixes that are repeated or stall"
 )
 """Range of the sigma of stamp errors, s; its field `source` gives the reason."""
-SPEED_LEVER_ARM_RANGE = ParameterRange(-3.0, 3.0, "m", "from the road to the roof of a van")
+HEIGHT_ABOVE_SPEED_POINT_RANGE = ParameterRange(-3.0, 3.0, "m", "from the road to the roof of a van")
 """Range of the height, m, of the estimated point above the point of a speed; its field `source` gives the reason."""
-LEVER_ARM_AHEAD_RANGE = ParameterRange(
+LONGITUDINAL_LEVER_ARM_RANGE = ParameterRange(
     -6.0, 6.0, "m", "from the rear axle to the front of a van; a longer vehicle needs --lever-arm"
 )
 """Range of the lever arm ahead, m; its field `source` gives the reason."""
@@ -113,4 +113,6 @@ def range_of_sensor_error(name: str, kind: Kind) -> ParameterRange:
     """Return the range of an error of the sensor model (`sensor_model.Part`) for a source of a kind."""
     if name == "slow":
         return GRADE_SIGMA_RANGE if kind is Kind.ACCEL else SLOW_POSITION_SIGMA_RANGE
-    return {"scale": SPEED_SCALE_RANGE, "lever": SPEED_LEVER_ARM_RANGE, "ahead": LEVER_ARM_AHEAD_RANGE}[name]
+    return {"scale": SPEED_SCALE_RANGE, "lever": HEIGHT_ABOVE_SPEED_POINT_RANGE, "ahead": LONGITUDINAL_LEVER_ARM_RANGE}[
+        name
+    ]

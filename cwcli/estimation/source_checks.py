@@ -24,7 +24,7 @@ from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, 
 from cwcli.estimation.step_motion import (
     MIN_FIX_DISTANCE_FOR_COURSE_M,
     StepMotion,
-    compute_step_motion,
+    compute_step_motion_by_source,
     step_edges_s,
 )
 from cwcli.estimation.turn_regression import regressed_turn_ratio
@@ -53,15 +53,15 @@ MEDIAN_TO_MEAN_SIGMA_RATIO = 1.2533
 """Sigma of the median of normal values divided by that of their mean: the square root of pi / 2."""
 MIN_ROWS_OF_COMPARED_SOURCE = 20
 """Least number of rows of a source that is compared. Chosen by hand; not fitted."""
-TURN_RATIO_RANGE = ParameterRange(
+AGREEING_HEADING_CHANGE_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "a MEMS gyroscope's scale errs by 3 %; the rest is room for latencies and for courses of short ways"
 )
 """Range of the ratio of two changes of heading that agree; the value itself names its source."""
-SPEED_CHANGE_RATIO_RANGE = ParameterRange(
+AGREEING_SPEED_CHANGE_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "an accelerometer's scale errs by 3 %; the rest is room for slopes, latencies and the noise of fixes"
 )
 """Range of the ratio of two changes of speed that agree; the value itself names its source."""
-HEADING_OFFSET_RANGE = ParameterRange(
+AGREEING_HEADING_DIFFERENCE_RANGE = ParameterRange(
     -math.pi / 6.0, math.pi / 6.0, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"
 )
 """Range in rad of the difference of two headings or courses that agree; the value itself names its source."""
@@ -228,7 +228,7 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
     for step_s in COMPARED_STEP_LENGTHS_S:
         edges_s = step_edges_s(usable, step_s)
         if len(edges_s) > MIN_STEPS_OF_ONE_LENGTH + 1:
-            motions = [compute_step_motion(s, edges_s) for s in usable]
+            motions = [compute_step_motion_by_source(s, edges_s) for s in usable]
             by_length.append((step_s, reverse_fix_courses_while_reversing(motions)))
     found = []
     for j, i in combinations(range(len(usable)), 2):
@@ -279,7 +279,7 @@ def _judgement_and_ratio_of_regressed_turns(pairs: Sequence[tuple[StepMotion, St
     ratios = [regressed_turn_ratio(*pair) for pair in pairs[1:]]  # not of those in steps of 1 s
     intervals = [MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios]
     return judgement_and_number_of_all_step_lengths(
-        [StepComparison.from_median_interval(interval, TURN_RATIO_RANGE) for interval in intervals]
+        [StepComparison.from_median_interval(interval, AGREEING_HEADING_CHANGE_RATIO_RANGE) for interval in intervals]
     )
 
 
@@ -360,7 +360,7 @@ def _compare_turns(one: StepMotion, other: StepMotion, step_s: float) -> StepCom
     least_rad = MIN_COURSE_CHANGE_OF_TURN_RAD if by_course else MIN_HEADING_CHANGE_OF_TURN_RAD
     least = [np.fmax(least_rad, MIN_MOTION_CHANGE_SIGMAS * m.turn_sigma_rad) for m in (one, other)]
     return _compare_median_ratio_both_ways(
-        one.turn_rad, other.turn_rad, least, MAX_COMPARED_HEADING_CHANGE_RAD, TURN_RATIO_RANGE
+        one.turn_rad, other.turn_rad, least, MAX_COMPARED_HEADING_CHANGE_RAD, AGREEING_HEADING_CHANGE_RATIO_RANGE
     )
 
 
@@ -397,7 +397,7 @@ def _judge_median_course_difference(one: StepMotion, other: StepMotion, step_s: 
             nearest_difference + interval.high,
             interval.n,
         ),
-        HEADING_OFFSET_RANGE,
+        AGREEING_HEADING_DIFFERENCE_RANGE,
     )
 
 
@@ -424,7 +424,7 @@ def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) ->
         *_speed_changes_of_both_minus_medians(one, other),
         least,
         math.inf,
-        SPEED_CHANGE_RATIO_RANGE,
+        AGREEING_SPEED_CHANGE_RATIO_RANGE,
     )
 
 

@@ -29,7 +29,7 @@ from cwcli.estimation.source_checks import (
     reverse_fix_courses_while_reversing,
 )
 from cwcli.estimation.step_evidence import StepResiduals, log_likelihood_gains, pair_residuals
-from cwcli.estimation.step_motion import StepMotion, compute_step_motion, step_edges_s
+from cwcli.estimation.step_motion import StepMotion, compute_step_motion_by_source, step_edges_s
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 
@@ -88,7 +88,7 @@ def step_motions_and_edges_for_evidence(series: Sequence[SensorSeries]) -> tuple
         edges_s = step_edges_s(series, step_s)
         if len(edges_s) < 2:
             return [], edges_s
-        motions = [compute_step_motion(s, edges_s) for s in series]
+        motions = [compute_step_motion_by_source(s, edges_s) for s in series]
         best = min(m.speed_sigma_mps for m in motions if m.kind is Kind.POSITION)
         if best <= MAX_CHORD_SPEED_SIGMA_MPS or step_s >= MAX_EVIDENCE_STEP_S:
             return reverse_fix_courses_while_reversing(motions), edges_s
@@ -115,7 +115,7 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int, *, may_be_ambi
     others = [m for i, m in enumerate(motions) if i != suspect]
 
     def step_residuals_against_others(s: SensorSeries) -> list[StepResiduals]:
-        motion = compute_step_motion(s, edges_s)
+        motion = compute_step_motion_by_source(s, edges_s)
         return [each for other in others for each in pair_residuals(motion, other)]
 
     gains = log_likelihood_gains(

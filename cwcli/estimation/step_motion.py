@@ -88,7 +88,7 @@ class StepMotion:
         return SHARED_FIX_SIGMA_FACTOR * math.sqrt(2.0) * self.speed_sigma_mps
 
 
-def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
+def compute_step_motion_by_source(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     """Compute the motion by a source between neighbouring edges.
 
     Args:

@@ -90,7 +90,7 @@ class LogDifference:
     n_channels: int
 
     @property
-    def is_identical(self) -> bool:
+    def has_no_difference(self) -> bool:
         """Whether nothing differs."""
         return not (self.settings or self.channels or self.warnings)
 

@@ -55,7 +55,7 @@ class EventKind:
     find: Callable[[EventEvidence], Iterable[Moment]]
 
 
-def severity_of(value: float, threshold: float, critical: Literal["low", "high"]) -> float:
+def severity_as_ratio_to_threshold(value: float, threshold: float, critical: Literal["low", "high"]) -> float:
     """Return how many times a value is beyond a threshold, 1 at the threshold, from 0 to `MAX_SEVERITY`."""
     if critical == "low":
         return min(threshold / value, MAX_SEVERITY) if value > 0.0 else MAX_SEVERITY

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
 from cwcli.measures.pair import ActualTrack, accel_yaw_rate_jerk_of_track
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -45,7 +45,7 @@ def _find_braking(stamp_ns: Int64Array, accel_mps2: FloatArray, actors: tuple[st
         holds, stamp_ns, min_s=MIN_BRAKING_DURATION_S, max_pause_s=MAX_PAUSE_IN_BRAKING_S
     ):
         peak_mps2 = -float(np.nanmin(accel_mps2[first : last + 1]))
-        severity = severity_of(peak_mps2, MIN_HARD_BRAKING_MPS2, "high")
+        severity = severity_as_ratio_to_threshold(peak_mps2, MIN_HARD_BRAKING_MPS2, "high")
         span = int(stamp_ns[first]), int(stamp_ns[last])
         yield Moment(*span, actors, peak_mps2, severity, words=f"brakes with up to {peak_mps2:.1f} m/s^2")
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence
 from cwcli.events.lane_change import find_lane_changes
 from cwcli.events.own_path import HALF_LANE_WIDTH_M, OnOwnPath, project_on_own_path
@@ -52,7 +52,7 @@ def _find_cuts(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
             )
             if is_near and slowest_mps > MIN_SPEED_OF_BOTH_VEHICLES_MPS:
                 span = int(projected.stamp_ns[first]), int(projected.stamp_ns[last])
-                severity = severity_of(headway_s, HEADWAY_OF_SEVERITY_1_S, "low")
+                severity = severity_as_ratio_to_threshold(headway_s, HEADWAY_OF_SEVERITY_1_S, "low")
                 words = f"{'enters' if is_in else 'leaves'} the ego's lane {gap_m:.0f} m, {headway_s:.1f} s ahead of it"
                 yield Moment(*span, (evidence.ego_id, other_id), headway_s, severity, words=words)
 

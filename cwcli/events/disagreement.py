@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence
 from cwcli.signals.units import NS_PER_S
 
@@ -25,7 +25,7 @@ def find_disagreements(evidence: EventEvidence) -> Iterator[Moment]:
             if any(start_ns - margin_ns <= last and end_ns + margin_ns >= first for first, last in against):
                 continue
             lasted_s = (end_ns - start_ns) / NS_PER_S
-            severity = max(severity_of(lasted_s, DURATION_OF_SEVERITY_1_S, "high"), 1.0)
+            severity = max(severity_as_ratio_to_threshold(lasted_s, DURATION_OF_SEVERITY_1_S, "high"), 1.0)
             actors = ("ego", evidence.other_system.warning)
             yield Moment(start_ns, end_ns, actors, lasted_s, severity, kind, f"{kind}, for {lasted_s:.1f} s")
 

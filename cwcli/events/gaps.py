@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, read_vehicle_states
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import SENSOR_ROLES, EventEvidence, first_and_last_rows_of_runs
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.role import Role
@@ -38,7 +38,7 @@ def find_outages(evidence: EventEvidence) -> Iterator[Moment]:
             found.append((span, topics[0] if topics else EGO_STATE.topic))
     for (start_ns, end_ns), topic in sorted(found):
         lasted_s = (end_ns - start_ns) / NS_PER_S
-        severity = severity_of(lasted_s, MIN_POSITION_OUTAGE_S, "high")
+        severity = severity_as_ratio_to_threshold(lasted_s, MIN_POSITION_OUTAGE_S, "high")
         words = f"no usable position for {lasted_s:.1f} s"
         yield Moment(start_ns, end_ns, (topic,), lasted_s, severity, words=words)
 
@@ -65,7 +65,7 @@ def find_sensor_gaps(evidence: EventEvidence) -> Iterator[Moment]:
             continue
         for start_ns, end_ns in _gap_spans_ns(evidence.message_times_ns(topic), MIN_MESSAGE_GAP_S):
             lasted_s = (end_ns - start_ns) / NS_PER_S
-            severity = severity_of(lasted_s, MIN_MESSAGE_GAP_S, "high")
+            severity = severity_as_ratio_to_threshold(lasted_s, MIN_MESSAGE_GAP_S, "high")
             yield Moment(start_ns, end_ns, (topic,), lasted_s, severity, words=f"no message for {lasted_s:.1f} s")
 
 

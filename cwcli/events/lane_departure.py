@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
 
 HALF_CAR_WIDTH_M = 0.9
@@ -30,7 +30,9 @@ def find_lane_departures(evidence: EventEvidence) -> Iterator[Moment]:
         ):
             most_m = float(np.nanmax(out_m[first : last + 1]))
             span = int(lanes.stamp_ns[first]), int(lanes.stamp_ns[last])
-            severity = severity_of(most_m + DEPARTURE_OF_SEVERITY_2_M, DEPARTURE_OF_SEVERITY_2_M, "high")
+            severity = severity_as_ratio_to_threshold(
+                most_m + DEPARTURE_OF_SEVERITY_2_M, DEPARTURE_OF_SEVERITY_2_M, "high"
+            )
             words = f"up to {most_m:.2f} m beyond the {side} lane boundary"
             yield Moment(*span, ("ego",), most_m, severity, f"{side} boundary", words)
 

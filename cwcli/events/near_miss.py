@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
 from cwcli.events.own_path import project_on_own_path
 from cwcli.measures import MEASURES
@@ -39,7 +39,7 @@ def find_near_misses(evidence: EventEvidence) -> Iterator[Moment]:
         )
         for first, last in spans:
             least_s = float(np.nanmin(ttc_s[first : last + 1]))
-            severity = severity_of(least_s, MAX_TTC_OF_NEAR_MISS_S, "low")
+            severity = severity_as_ratio_to_threshold(least_s, MAX_TTC_OF_NEAR_MISS_S, "low")
             start_ns, end_ns = int(pair.stamp_ns[first]), int(pair.stamp_ns[last])
             words = f"time to collision down to {least_s:.1f} s" if least_s > 0.0 else "the outlines touch"
             yield Moment(start_ns, end_ns, actors, least_s, severity, "time to collision", words)
@@ -67,7 +67,7 @@ def _find_small_post_encroachment(evidence: EventEvidence, other_id: str, actors
     if not len(at):
         return
     times = np.concatenate([projected.stamp_ns[at], projected.passed_ns[at]])
-    severity = severity_of(pet_s, MAX_PET_OF_NEAR_MISS_S, "low")
+    severity = severity_as_ratio_to_threshold(pet_s, MAX_PET_OF_NEAR_MISS_S, "low")
     words = f"one crosses the other's way {pet_s:.1f} s after it (post-encroachment time)"
     yield Moment(int(times.min()), int(times.max()), actors, pet_s, severity, "post-encroachment", words)
 

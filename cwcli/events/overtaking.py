@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
 from cwcli.events.own_path import PROJECTION_TIME_STEP_S, project_on_own_path
 
@@ -38,7 +38,7 @@ def find_overtaking(evidence: EventEvidence) -> Iterator[Moment]:
             if side_m <= 0.0:
                 continue  # the outlines overlap: the states say that the ego drove through it
             span = int(projected.stamp_ns[first]), int(projected.stamp_ns[last])
-            severity = severity_of(side_m, SIDE_GAP_AT_SEVERITY_1_M, "low")
+            severity = severity_as_ratio_to_threshold(side_m, SIDE_GAP_AT_SEVERITY_1_M, "low")
             words = f"the ego passes it with {side_m:.1f} m between the sides"
             yield Moment(*span, (evidence.ego_id, other_id), side_m, severity, words=words)
 

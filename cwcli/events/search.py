@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.errors import MissingSignalError
 from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.events import EVENTS
-from cwcli.events.base import Moment, severity_of
+from cwcli.events.base import Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence, first_and_last_rows_of_runs
 from cwcli.events.quantities import (
     EGO_PREFIX,
@@ -299,7 +299,7 @@ class _Evaluation:
         limit = next((each.value for each in comparison.operands if isinstance(each, Number)), np.nan)
         if not (np.isfinite(limit) and limit > 0.0):
             return value, 1.0
-        return value, severity_of(value, limit, "low" if is_low else "high")
+        return value, severity_as_ratio_to_threshold(value, limit, "low" if is_low else "high")
 
     def _mask_where_condition_holds(self, node: Node) -> BoolArray:
         """Return where a condition holds, (n,)."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
 from cwcli.signals.units import NS_PER_S
 
@@ -41,7 +41,7 @@ def find_stop_and_go(evidence: EventEvidence) -> Iterator[Moment]:
     for each in groups:
         if len(each) >= MIN_STOPS_OF_STOP_AND_GO:
             span = int(stamp_ns[each[0][0]]), int(stamp_ns[each[-1][1]])
-            severity = severity_of(len(each), MIN_STOPS_OF_STOP_AND_GO, "high")
+            severity = severity_as_ratio_to_threshold(len(each), MIN_STOPS_OF_STOP_AND_GO, "high")
             yield Moment(*span, (evidence.ego_id,), float(len(each)), severity, words=f"{len(each)} stops")
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence, lasting_row_spans
 from cwcli.measures import MEASURES
 
@@ -31,7 +31,7 @@ def find_tailgating(evidence: EventEvidence) -> Iterator[Moment]:
             holds, pair.stamp_ns, min_s=MIN_TAILGATING_DURATION_S, max_pause_s=MAX_PAUSE_IN_TAILGATING_S
         ):
             least_s = float(np.nanmin(headway_s[first : last + 1]))
-            severity = severity_of(least_s, MAX_HEADWAY_OF_TAILGATING_S, "low")
+            severity = severity_as_ratio_to_threshold(least_s, MAX_HEADWAY_OF_TAILGATING_S, "low")
             span = int(pair.stamp_ns[first]), int(pair.stamp_ns[last])
             words = f"follows with a time headway down to {least_s:.1f} s"
             yield Moment(*span, (evidence.ego_id, other_id), least_s, severity, words=words)

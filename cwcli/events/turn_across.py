@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence
 from cwcli.events.own_path import HALF_LANE_WIDTH_M, project_on_own_path
 from cwcli.signals.units import NS_PER_S
@@ -52,7 +52,7 @@ def find_turns_across(evidence: EventEvidence) -> Iterator[Moment]:
             first = int(outside[outside < row][-1]) + 1 if (outside < row).any() else 0
             last = int(outside[outside > row][0]) - 1 if (outside > row).any() else len(inside) - 1
             span = int(projected.stamp_ns[first]), int(projected.stamp_ns[last])
-            severity = severity_of(abs(gap_s), TIME_GAP_OF_SEVERITY_1_S, "low")
+            severity = severity_as_ratio_to_threshold(abs(gap_s), TIME_GAP_OF_SEVERITY_1_S, "low")
             words = f"turns across the ego's way; {abs(gap_s):.1f} s between both at that place"
             yield Moment(*span, (evidence.ego_id, other_id), abs(gap_s), severity, words=words)
 

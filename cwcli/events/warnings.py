@@ -15,7 +15,7 @@ from cwcli.evaluation.conflicts import (
     VERDICT_UNDECIDED,
     judge_warning,
 )
-from cwcli.events.base import EventKind, Moment, severity_of
+from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence
 
 NO_VERDICT = "no verdict"
@@ -37,7 +37,7 @@ def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterat
             kind, lead_s, closest_m = outcome.kind, outcome.lead_time_s, outcome.closest_m
         if verdict in (None, kind):
             threshold_m = 2.5 if outcomes is None else outcomes.config.distance_m
-            severity = severity_of(closest_m, threshold_m, "low") if np.isfinite(closest_m) else 1.0
+            severity = severity_as_ratio_to_threshold(closest_m, threshold_m, "low") if np.isfinite(closest_m) else 1.0
             actors = ("ego", warning.other_id)
             words = _describe_verdict(warning.rule, kind, lead_s)
             yield Moment(warning.raised_ns, warning.last_ns, actors, lead_s, severity, f"{warning.rule}: {kind}", words)

@@ -61,7 +61,7 @@ def compare_logs_of_runs(
         except CwcliError as error:
             unread[name] = str(error)
             continue
-        if not found.is_identical:
+        if not found.has_no_difference:
             differing[name] = found
             paths[name] = early, late
     return RunDifference(differing, len(pairs) - len(unread), unread, paths)

@@ -39,7 +39,7 @@ class StagedTable(NamedTuple):
     offset: int
 
 
-def write_staged_tables(tables: Iterable[tuple[str, Table]], path: Path) -> None:
+def write_staged_tables_file_of_log(tables: Iterable[tuple[str, Table]], path: Path) -> None:
     """Write the tables of one log, given by name; the file appears whole or not at all.
 
     Raises:

@@ -25,7 +25,7 @@ from cwcli.fleet.folder import (
 from cwcli.fleet.input_states import FileState, read_file_state
 from cwcli.fleet.inputs import temporary_local_copy
 from cwcli.fleet.plan import FleetPlan, LogTask, TaskResult
-from cwcli.fleet.staged_tables import write_staged_tables
+from cwcli.fleet.staged_tables import write_staged_tables_file_of_log
 from cwcli.fleet.tables import DETAILS_FOLDER, METRICS_TABLE, TABLES_FOLDER
 from cwcli.input import InputFile, remember_inputs
 from cwcli.logs.read.read_bounds import ReadBounds
@@ -148,7 +148,7 @@ def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogOutputs, entry: 
     tables = outcome.tables_by_name()
     scores = evaluate_log(annotated, tables=tables)
     entry[SCORES_KEY] = dict(scores.metadata)
-    write_staged_tables(_iter_all_tables(annotated, scores, tables, plan, entry), folder.staged_tables_path)
+    write_staged_tables_file_of_log(_iter_all_tables(annotated, scores, tables, plan, entry), folder.staged_tables_path)
     _add_stages_inputs_and_tables_to_entry(outcome, entry)
     stages = [result.stage for result in outcome.results]
     entry[DIGEST_ENTRY_KEY] = digest_to_entry(build_digest(annotated, stages, outcome.left_out, tables, is_run=True))

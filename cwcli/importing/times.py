@@ -71,7 +71,9 @@ JOINED_DATETIME_PATTERN = (
 )
 """A date with a time of day that begins with the year, with other marks between the parts or none:
 `20231114T221320.100Z`, `2023:11:14 22:13:20`, `2023-11-14_22-13-20-100`."""
-ZONE_NAME_PATTERN = r"\s+(?:[CEW]ES?T|ME?S?Z|BST|MSK|IST|[AECMP][SD]T|AK[SD]T|HST|[JK]ST|A[ECW][SD]T|NZ[SD]T|SGT|HKT)\b"
+AMBIGUOUS_ZONE_ABBREVIATION_PATTERN = (
+    r"\s+(?:[CEW]ES?T|ME?S?Z|BST|MSK|IST|[AECMP][SD]T|AK[SD]T|HST|[JK]ST|A[ECW][SD]T|NZ[SD]T|SGT|HKT)\b"
+)
 """Short names of zones: no certain offsets (CST is used in America and China), so that the zone is a question."""
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTHS)})[a-z]*\b"
@@ -200,7 +202,7 @@ def parse_text_times(array: ArrowArray) -> TextTimes | None:
     from cwcli.importing.cells import trimmed_texts_or_null
 
     texts, has_names = _with_month_numbers(
-        pc.replace_substring_regex(trimmed_texts_or_null(array), ZONE_NAME_PATTERN, "")
+        pc.replace_substring_regex(trimmed_texts_or_null(array), AMBIGUOUS_ZONE_ABBREVIATION_PATTERN, "")
     )
     n_given = len(texts) - texts.null_count
     best: TextTimes | None = None

@@ -19,7 +19,7 @@ N_RANDOM_MANOEUVRES = 2048
 """Number of manoeuvres; the share of them is the probability. Chosen by hand."""
 MOMENTS_PER_BATCH = 8
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
-MAX_ACCEL_SIGMAS = 4.0
+MAX_ACCEL_NEEDED_FOR_CONTACT_SIGMAS = 4.0
 """Greatest acceleration, in sigmas, that a contact may need; pairs that need more are left out. Chosen by hand."""
 
 
@@ -30,7 +30,7 @@ def share_of_sampled_manoeuvres_touching(pair: Pair) -> RatiosAtStamps:
     radius = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
     way = (
         np.hypot(at.vx_mps, at.vy_mps) * CONTACT_HORIZON_S
-        + 0.5 * MAX_ACCEL_SIGMAS * ACCEL_SIGMA_MPS2 * CONTACT_HORIZON_S**2
+        + 0.5 * MAX_ACCEL_NEEDED_FOR_CONTACT_SIGMAS * ACCEL_SIGMA_MPS2 * CONTACT_HORIZON_S**2
     )
     rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + way)
     whole, accel = EdgeProjections.from_pair(pair), sample_accelerations_mps2()

@@ -86,7 +86,7 @@ class _DiscretisedModel:
         """Those columns of values (..., k) whose points are asked for."""
         return values if self.points is None else values[..., self.points]
 
-    def responses_at_times(self, moving_s: FloatArray) -> Responses:
+    def speed_and_heading_responses_at_times(self, moving_s: FloatArray) -> Responses:
         """The responses at times of shape (1 or m, ...)."""
         if self.is_paper:
             return _song2016_responses_at_times(self.model, moving_s, self.time_s)
@@ -112,7 +112,7 @@ class _DiscretisedModel:
             yaw.heading_to_yaw_accel + yaw_s * (moving_s - yaw_s),
         )
 
-    def responses_and_weights_at_quadrature_nodes(
+    def responses_weights_and_slopes_at_quadrature_nodes(
         self, moving_s: FloatArray
     ) -> tuple[Responses, FloatArray, tuple[FloatArray, FloatArray] | None]:
         """Responses at the quadrature nodes of each step of the times (1 or m, k), and the nodes' weights, (1 or m,
@@ -128,7 +128,7 @@ class _DiscretisedModel:
         node_s = moving_s[:, None, :-1] + step_width_s * GAUSS_NODES[:, None]
         weight = step_width_s * GAUSS_WEIGHTS[:, None]
         if self.acting_s is None or len(moving_s) > 1:
-            return self.responses_at_times(node_s), weight, None
+            return self.speed_and_heading_responses_at_times(node_s), weight, None
         none = np.zeros_like(node_s)
         along, across = (acting_slopes_between_knots(self.acting_s[:, i]) for i in (0, 1))
         inside = time_between_knots_s(node_s[0])
@@ -151,7 +151,7 @@ def integrate_paths(
     """
     hold_s = None if model.hold is None else model.hold(state, prior)
     motion = _DiscretisedModel(model, prior, time_s, discretisation == "paper", hold_s, kept_point_indices, acting_s)
-    grid = motion.responses_at_times(time_s[None, :])
+    grid = motion.speed_and_heading_responses_at_times(time_s[None, :])
     stop_s = _stop_times_s(motion, state, _speed_at_times_mps(state, grid))
     stops = np.isfinite(stop_s)
     if not stops.any():
@@ -162,7 +162,7 @@ def integrate_paths(
         motion.select_starts(~stops),
         state[~stops],
         time_s[None, :],
-        motion.select_starts(~stops).responses_at_times(time_s[None, :]),
+        motion.select_starts(~stops).speed_and_heading_responses_at_times(time_s[None, :]),
     )
     stopping = _integrate_stopping_paths(motion.select_starts(stops), state[stops], stop_s[stops])
     return _merge_paths_of_stopping_and_going_cars(stops, stopping, going)
@@ -234,7 +234,10 @@ def _bisect_stop_times_s(
     """The time from `low_s` to `high_s`, (m,) each, at which direction * v falls below 0; `high_s` if it does not."""
     for _ in range(N_STOP_TIME_BISECTIONS):
         middle = 0.5 * (low_s + high_s)
-        moving = direction * _speed_at_times_mps(state, motion.responses_at_times(middle[:, None]))[:, 0] >= 0.0
+        moving = (
+            direction * _speed_at_times_mps(state, motion.speed_and_heading_responses_at_times(middle[:, None]))[:, 0]
+            >= 0.0
+        )
         low_s, high_s = np.where(moving, middle, low_s), np.where(moving, high_s, middle)
     return 0.5 * (low_s + high_s)
 
@@ -246,7 +249,9 @@ def _interpolate_stop_times_s(
     it."""
 
     def ahead_mps(time_s: FloatArray) -> FloatArray:
-        return np.asarray(direction * _speed_at_times_mps(state, motion.responses_at_times(time_s[:, None]))[:, 0])
+        return np.asarray(
+            direction * _speed_at_times_mps(state, motion.speed_and_heading_responses_at_times(time_s[:, None]))[:, 0]
+        )
 
     for knot_s in HORIZON_KNOTS_S.tolist():
         inside = (low_s < knot_s) & (knot_s < high_s)
@@ -261,7 +266,7 @@ def _integrate_stopping_paths(motion: _DiscretisedModel, state: StateRows, stop_
     """Integrate the paths of cars that stop at `stop_s` (m,) and stay there."""
     time_s = motion.time_s
     moving = np.minimum(time_s[None, :], stop_s[:, None])
-    path = _integrate_steps(motion, state, moving, motion.responses_at_times(moving))
+    path = _integrate_steps(motion, state, moving, motion.speed_and_heading_responses_at_times(moving))
     speed = np.where(motion.select_columns_of_kept_points(time_s)[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
     return IntegratedPaths(path.x_m, path.y_m, path.heading_rad, speed, path.moving_s, path.jacobian)
 
@@ -270,7 +275,7 @@ def _integrate_steps(
     motion: _DiscretisedModel, state: StateRows, moving_s: FloatArray, grid: Responses
 ) -> IntegratedPaths:
     """Integrate position and Jacobian over the steps of the times `moving_s`, shape (1 or m, k)."""
-    at, weight, acting_slopes = motion.responses_and_weights_at_quadrature_nodes(moving_s)
+    at, weight, acting_slopes = motion.responses_weights_and_slopes_at_quadrature_nodes(moving_s)
     points = np.arange(moving_s.shape[1]) if motion.points is None else motion.points
     moving_s = motion.select_columns_of_kept_points(moving_s)
     grid = grid if motion.points is None else Responses(*(motion.select_columns_of_kept_points(each) for each in grid))

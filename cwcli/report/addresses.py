@@ -125,10 +125,10 @@ class PageAddresses:
         whose = f"{entry.id}: " if len(self.entries) > 1 else ""
         return [
             PageLink(f"{whose}{each.words}", self.address_of_anchor(each.anchor_name))
-            for each in self.read_link_targets(entry) or ()
+            for each in self.read_warning_and_conflict_anchors(entry) or ()
         ]
 
-    def read_link_targets(self, entry: LogEntry, name: str = "") -> list[LinkTarget] | None:
+    def read_warning_and_conflict_anchors(self, entry: LogEntry, name: str = "") -> list[LinkTarget] | None:
         """Read which warnings and conflicts of a log have an anchor; None if the log failed or can't be read.
 
         Args:
@@ -185,7 +185,10 @@ def compare_warnings_of_runs(early: PageAddresses, late: PageAddresses) -> Warni
     unread = []
     for first, entry in pairs[:MAX_LOGS_READ_FOR_LINKS]:
         name = late.anchor_log_name(entry)
-        before, after = early.read_link_targets(first, name), late.read_link_targets(entry, name)
+        before, after = (
+            early.read_warning_and_conflict_anchors(first, name),
+            late.read_warning_and_conflict_anchors(entry, name),
+        )
         if before is None or after is None:
             unread.append(entry.id)
             continue

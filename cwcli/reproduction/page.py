@@ -21,7 +21,7 @@ PICTURE_FOLDER_NAME = "figures"
 """Name of the folder of pictures next to the page."""
 KEYS_OF_REPEATED_SECTIONS = frozenset({"looks", "settings"})
 """Keys of sections whose numbers are all among the findings of the figure `where`."""
-GRID_NOTE = "behind a number its bound and key, if any"
+FINDINGS_GRID_CELLS_NOTE = "behind a number its bound and key, if any"
 """Sentence part above a grid of findings that says what its cells hold."""
 COLUMNS_THAT_MAY_BE_EMPTY = frozenset({"paper", "tolerance", "why"})
 """Columns of findings that a table leaves out where no row has anything in them."""
@@ -98,7 +98,7 @@ def _format_grids(table: SummaryTable) -> list[str]:
     for heads, each in cells.items():
         rows_by_quantities.setdefault(tuple(each), []).append((*heads, *each.values()))
     why = f"; why: {shared_keys}" if shared_keys else ""
-    parts = ["", f"All rows: class: {shared_class}{why}; {GRID_NOTE}."]
+    parts = ["", f"All rows: class: {shared_class}{why}; {FINDINGS_GRID_CELLS_NOTE}."]
     for quantities, rows in rows_by_quantities.items():
         columns = ("figure", "case", *quantities)
         used = [at for at in range(len(columns)) if at or "figure" in table.columns]

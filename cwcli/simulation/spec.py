@@ -170,40 +170,40 @@ VEHICLE_KEYS: Keys = {
 }
 """Keys of a vehicle, which also holds the lists `longitudinal` and `lateral`."""
 
-_FROM_KEY = NumberKey(REQUIRED_KEY_DEFAULT, 0, 3600, "s", "Start of the segment; the first is 0.")
+SEGMENT_START_TIME_KEY = NumberKey(REQUIRED_KEY_DEFAULT, 0, 3600, "s", "Start of the segment; the first is 0.")
 """The key `from_s` of segments."""
-_SMOOTH_KEY = FlagKey(
+SEGMENT_SMOOTHNESS_KEY = FlagKey(
     False, "Whether the rate itself rises and falls (a cubic ramp): 1.5 times as long at the same largest rate."
 )
 """The key `smooth` of segments."""
-_TO_KEY = NumberKey(
+SEGMENT_END_TIME_KEY = NumberKey(
     None, 0, 3600, "s", "End; if given it must be the next segment's start. Last one: the run's end or later."
 )
 """The key `to_s` of segments."""
 
 LONGITUDINAL_KEYS: Keys = {
-    "from_s": _FROM_KEY,
-    "to_s": _TO_KEY,
+    "from_s": SEGMENT_START_TIME_KEY,
+    "to_s": SEGMENT_END_TIME_KEY,
     "accel_mps2": NumberKey(None, -15, 15, "m/s^2", "Acceleration to reach and hold."),
     "speed_mps": NumberKey(
         None, 0, 70, "m/s", "Or: the speed to reach and hold, in the shortest time that the limits allow."
     ),
     "limit_mps2": NumberKey(2, 0.01, 15, "m/s^2", "With speed_mps: largest acceleration or deceleration on the way."),
     "jerk_mps3": NumberKey(2, 0.01, 100, "m/s^3", "Largest rate at which the acceleration changes."),
-    "smooth": _SMOOTH_KEY,
+    "smooth": SEGMENT_SMOOTHNESS_KEY,
 }
 """Keys of a segment of `longitudinal`."""
 
 LATERAL_KEYS: Keys = {
-    "from_s": _FROM_KEY,
-    "to_s": _TO_KEY,
+    "from_s": SEGMENT_START_TIME_KEY,
+    "to_s": SEGMENT_END_TIME_KEY,
     "curvature_1pm": NumberKey(None, -1, 1, "1/m", "Path curvature to reach and hold; positive = left."),
     "curvature_rate_1pmps": NumberKey(
         0.01, 1e-5, 10, "1/m/s", "Largest rate at which the curvature changes (a clothoid if not smooth)."
     ),
     "yaw_rate_dps": NumberKey(None, -90, 90, "deg/s", "Or: the yaw rate to reach and hold; positive = left."),
     "yaw_accel_dps2": NumberKey(20, 0.01, 500, "deg/s^2", "Largest rate at which the yaw rate changes."),
-    "smooth": _SMOOTH_KEY,
+    "smooth": SEGMENT_SMOOTHNESS_KEY,
 }
 """Keys of a segment of `lateral`."""
 

@@ -20,7 +20,7 @@ from cwcli.channels.lanes import (
     make_lane_annotation_channel,
     make_lanes_channel,
 )
-from cwcli.channels.render_topic import check_render_topic, check_topic_name
+from cwcli.channels.render_topic import check_render_topic, check_topic_name_if_given
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, calibration_record_entry
 from cwcli.lazy_dataclass import dataclass, replace
@@ -156,7 +156,7 @@ class LanesConfig(Selection):
             raise UsageError(f"--camera-fov must lie between {degrees}")
         if not 0 <= self.seed < 2**64:
             raise UsageError(f"--seed {self.seed} must lie between 0 and 2^64 - 1")
-        check_topic_name(self.render)
+        check_topic_name_if_given(self.render)
 
 
 def lanes(log: Log, config: LanesConfig) -> StageResult:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli.app import load_command
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.main import run_command_line
 from cwcli.cli.options.configfile import WRITING_PARAMETERS as READ_WRITES
 from cwcli.cli.options.toml import format_toml
@@ -193,7 +193,7 @@ def test_a_file_says_not_what_is_written(
 def test_every_option_that_writes_is_known_as_one() -> None:
     """By what its help says: a new one must be in the list, or be told from those here that write nothing."""
     wrote = set()
-    for command in COMMANDS:
+    for command in HELP_LINE_BY_COMMAND:
         for each in load_command(command).params:
             words = str(getattr(each, "help", "") or "")
             if words.startswith(("Write ", "Overwrite ")) or each.name in ("directory", "plots"):

@@ -13,7 +13,7 @@ import pytest
 
 from cwcli import errors
 from cwcli.cli import app, main
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.console import format_error
 from cwcli.stages import STAGES
 
@@ -146,7 +146,7 @@ def test_help_needs_no_command_module() -> None:
         [PYTHON, "-X", "importtime", "-m", "cwcli", "--help"], capture_output=True, text=True, check=True
     )
     assert all(f" {module}" not in found.stderr for module in ("cwcli.cli.commands.", "cwcli.stages.", "numpy"))
-    for name in COMMANDS:
+    for name in HELP_LINE_BY_COMMAND:
         assert f"  {name} " in found.stdout
 
 
@@ -180,7 +180,7 @@ def test_usage_errors_leave_with_2(arguments: list[str], line: str, hint: str) -
     assert done.stderr.count("\n") == 2
 
 
-@pytest.mark.parametrize("name", ["", *COMMANDS])
+@pytest.mark.parametrize("name", ["", *HELP_LINE_BY_COMMAND])
 def test_help_has_an_example_and_fits_80_columns(name: str) -> None:
     done = cwcli(*name.split(), "--help", env={**os.environ, "COLUMNS": "200"})
     assert done.returncode == 0
@@ -191,7 +191,7 @@ def test_help_has_an_example_and_fits_80_columns(name: str) -> None:
     assert max(map(len, done.stdout.splitlines())) <= 80
 
 
-@pytest.mark.parametrize("name", [*COMMANDS])
+@pytest.mark.parametrize("name", [*HELP_LINE_BY_COMMAND])
 def test_examples_parse(name: str) -> None:
     import shlex
 

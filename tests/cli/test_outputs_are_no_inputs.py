@@ -16,7 +16,7 @@ import pytest
 
 import cwcli
 from cwcli.cli.app import load_command
-from cwcli.cli.commands import COMMANDS, reproduce
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND, reproduce
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
@@ -67,7 +67,7 @@ FOLDERS = {"metrics_dir", "directory", "plots", "report", "clips"}
 
 def file_parameters() -> Iterator[tuple[str, str, str]]:
     """Command, name and spelling of each option with a file or a folder."""
-    for command in COMMANDS:
+    for command in HELP_LINE_BY_COMMAND:
         for parameter in load_command(command).params:
             if parameter.metavar in {"FILE", "DIR", "LOG", "SOURCE", "BASELINE", "CANDIDATE"} and parameter.opts:
                 yield command, str(parameter.name), max(parameter.opts, key=len)
@@ -122,7 +122,7 @@ def test_every_option_with_a_file_is_known() -> None:
 
 
 def test_an_option_that_writes_says_file_or_dir() -> None:
-    for command in COMMANDS:
+    for command in HELP_LINE_BY_COMMAND:
         for parameter in load_command(command).params:
             help_text = str(getattr(parameter, "help", "") or "")
             if help_text.startswith(("Write", "Draw")) and not getattr(parameter, "is_flag", False):

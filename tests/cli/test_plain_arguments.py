@@ -13,12 +13,12 @@ from typing import Any, Literal, get_args, get_origin
 import pytest
 
 from cwcli.cli.app import load_command
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.load import load_command_function_and_examples
 from cwcli.cli.options.lazy_typer import declaration_of
 from cwcli.cli.plain_arguments import parse_plain_arguments
 
-NAMES = [name for name in COMMANDS if name != "config"]
+NAMES = [name for name in HELP_LINE_BY_COMMAND if name != "config"]
 SAMPLES = {int: ["3", "3.5", "x", "1e3"], float: ["2", "0.25", "x", "inf", "nan", "-1"], str: ["a", "", "-"]}
 
 

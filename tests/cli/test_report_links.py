@@ -282,7 +282,7 @@ def test_a_warning_with_another_verdict_is_told_with_both(tmp_path: Path, monkey
 
     for name in found:
         (tmp_path / name).write_bytes((SAMPLES / "straight.mcap").read_bytes())
-    monkeypatch.setattr(PageAddresses, "read_link_targets", marked)
+    monkeypatch.setattr(PageAddresses, "read_warning_and_conflict_anchors", marked)
     early, late = (PageAddresses(str(tmp_path / name), "https://ci/r.html") for name in found)
     found_differing = compare_warnings_of_runs(early, late)
     assert [(each.change, each.words, each.address) for each in found_differing.listed] == [

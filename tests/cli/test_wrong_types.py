@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from cwcli.cli.app import load_command
-from cwcli.cli.commands import COMMANDS
+from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
 from tests.cli.conftest import SAMPLES
@@ -26,7 +26,7 @@ def typed(command: str) -> list[Any]:
     return found
 
 
-OPTIONS = [(command, max(each.opts, key=len), each) for command in COMMANDS for each in typed(command)]
+OPTIONS = [(command, max(each.opts, key=len), each) for command in HELP_LINE_BY_COMMAND for each in typed(command)]
 
 
 def test_there_are_options_to_try() -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from cwcli.stages import STAGES
 
-COMMANDS = {
+HELP_LINE_BY_COMMAND = {
     "import": "Make a log of files that are no logs: CSV, GPX, NMEA and others.",
     "info": "List what a log holds and what cwcli can do with it.",
     **{name: stage.help for name, stage in STAGES.items()},

@@ -124,14 +124,14 @@ def _load_toml(path: str) -> dict[str, Any]:
 
 def _shared_options_of_document(path: str, document: dict[str, Any]) -> dict[str, Any]:
     """The shared options of the document, by parameter name."""
-    from cwcli.cli.commands import COMMANDS
+    from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 
     shared = shared_option_names()
     found = {}
     for key, entry in document.items():
         if isinstance(entry, dict):
-            if key not in COMMANDS:
-                raise _unknown_key_error(path, f"[{key}]", list(COMMANDS))
+            if key not in HELP_LINE_BY_COMMAND:
+                raise _unknown_key_error(path, f"[{key}]", list(HELP_LINE_BY_COMMAND))
             continue
         _check_key_names_no_output(path, key)
         if _parameter_name(key) in shared:

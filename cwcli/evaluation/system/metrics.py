@@ -7,7 +7,7 @@ from cwcli.evaluation.actual_outcomes import find_actual_outcomes
 from cwcli.evaluation.evaluation_context import EvaluationContext
 from cwcli.evaluation.knowledge import SYSTEM, comparison_label, online_or_hindsight_of_ego_states
 from cwcli.evaluation.system.flag import read_flag_from_topic
-from cwcli.evaluation.system.path import add_path_errors
+from cwcli.evaluation.system.path import add_planned_path_errors_at_horizons
 from cwcli.evaluation.system.state import add_ego_state_errors_and_place_frame
 from cwcli.evaluation.system.warnings import judge_flag_warnings
 from cwcli.evaluation.warn import add_warning_scores
@@ -27,7 +27,7 @@ def add_metrics_of_other_system(context: EvaluationContext) -> None:
         _add_warning_metrics(context)
     frame_placement = add_ego_state_errors_and_place_frame(context, system.ego_state) if system.ego_state else None
     if system.ego_path:
-        add_path_errors(context, system.ego_path, frame_placement)
+        add_planned_path_errors_at_horizons(context, system.ego_path, frame_placement)
 
 
 def _add_warning_metrics(context: EvaluationContext) -> None:

@@ -34,7 +34,9 @@ MIN_PATH_SPEED_MPS = 0.1
 by hand; not fitted."""
 
 
-def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, FramePlacement] | None) -> None:
+def add_planned_path_errors_at_horizons(
+    context: EvaluationContext, topic: str, known: tuple[str, FramePlacement] | None
+) -> None:
     """Add the errors of another system's paths at the horizons.
 
     Args:

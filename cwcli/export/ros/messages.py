@@ -170,7 +170,7 @@ def _odometry_fields(
         "child_frame_id": child,
         "pose.pose.position.x": place[0],
         "pose.pose.position.y": place[1],
-        **_quaternion_fields_of_heading("pose.pose.orientation", heading),
+        **_quaternion_z_w_fields_of_heading("pose.pose.orientation", heading),
         "pose.covariance": pose,
         "twist.twist.linear.x": speed,
         "twist.twist.angular.z": yaw_rate,
@@ -199,7 +199,7 @@ def _nav_path_fields(columns: Columns, _map: LocalMap | None) -> Fields:
         **_header_fields(stamp_ns[row] + ahead_ns, frame.select_rows(row)),
         "pose.position.x": x_m.values,
         "pose.position.y": y_m.values,
-        **_quaternion_fields_of_heading("pose.orientation", np.asarray(heading.values, np.float64)),
+        **_quaternion_z_w_fields_of_heading("pose.orientation", np.asarray(heading.values, np.float64)),
     }
     return {**_header_fields(stamp_ns, frame), "poses": Repeated(x_m.offsets, points)}
 
@@ -295,7 +295,7 @@ def _header_fields(stamp_ns: Int64Array, frame: Strings) -> dict[str, OutputFiel
     return {"header.stamp": stamp_ns, "header.frame_id": frame}
 
 
-def _quaternion_fields_of_heading(path: str, heading_rad: FloatArray) -> dict[str, OutputField]:
+def _quaternion_z_w_fields_of_heading(path: str, heading_rad: FloatArray) -> dict[str, OutputField]:
     return {f"{path}.z": np.sin(0.5 * heading_rad), f"{path}.w": np.cos(0.5 * heading_rad)}
 
 

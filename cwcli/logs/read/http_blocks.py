@@ -180,7 +180,7 @@ def _request_url(url: str, timeout_s: float, headers: dict[str, str] | None = No
     plain = urlunsplit((parts.scheme, host, parts.path, parts.query, ""))
     request = urllib.request.Request(plain, headers={"Accept-Encoding": "identity", **(headers or {})})
     if at:
-        request.add_unredirected_header("Authorization", f"Basic {_basic_authorization_header(user)}")
+        request.add_unredirected_header("Authorization", f"Basic {_base64_credentials(user)}")
     opener = urllib.request.OpenerDirector()
     handlers: list[Callable[[], urllib.request.BaseHandler]] = [
         urllib.request.HTTPHandler,
@@ -194,6 +194,6 @@ def _request_url(url: str, timeout_s: float, headers: dict[str, str] | None = No
     return opener.open(request, timeout=timeout_s)
 
 
-def _basic_authorization_header(user: str) -> str:
+def _base64_credentials(user: str) -> str:
     name, _, password = user.partition(":")
     return base64.b64encode(f"{unquote(name)}:{unquote(password)}".encode()).decode("ascii")

@@ -156,7 +156,7 @@ class Ros1Converter:
             branch = found.setdefault(key, Branch(at, {}))
             assert isinstance(branch, Branch)  # whether a length follows depends on what led here
             found, key = branch.found, value
-        found[key] = conversion.plan()
+        found[key] = conversion.plan_from_converted_message()
 
     def _layout_of_message(self, name: str) -> Layout:
         found = self._layouts.get(name)
@@ -258,7 +258,7 @@ class _Conversion:
         """Return the number of bytes of the output that are no copies."""
         return len(self.out) - sum(n for _, _, n in self._pieces)
 
-    def plan(self) -> Plan:
+    def plan_from_converted_message(self) -> Plan:
         """Return how the whole message was converted."""
         layout, template = ["<"], bytearray()
         at = out_at = 0

@@ -40,13 +40,13 @@ def labelled_frames_part(path: Path) -> StudyPart:
         CwcliError: As the stage `lanes`.
     """
     with Log.open(path) as log:
-        topic = find_labels_topic(log)
+        topic = find_first_lane_labels_topic(log)
         return StudyPart(
             tuple(each for key in methods_without_model() for each in _measure_shares_found(key, log, topic))
         )
 
 
-def find_labels_topic(log: Log) -> str:
+def find_first_lane_labels_topic(log: Log) -> str:
     """Find the first topic with labels in TuSimple's form.
 
     Raises:

@@ -126,13 +126,13 @@ def with_free_left_lane(scene: RoadScene) -> RoadScene:
     )
 
 
-def with_bridge_shadows(scene: RoadScene, per_km: float, length_m: float, rng: np.random.Generator) -> RoadScene:
+def with_bridge_shadows(scene: RoadScene, per_km: float, road_length_m: float, rng: np.random.Generator) -> RoadScene:
     """The scene with shadows of bridges across the road."""
-    n = round(per_km * length_m / 1000.0)
+    n = round(per_km * road_length_m / 1000.0)
     if not n:
         return scene
     starts, lengths, slants = (
-        rng.uniform(0.0, length_m, n),
+        rng.uniform(0.0, road_length_m, n),
         rng.uniform(*BRIDGE_SHADOW_LENGTH_RANGE_M, n),
         rng.normal(0.0, 0.3, n),
     )
@@ -141,7 +141,7 @@ def with_bridge_shadows(scene: RoadScene, per_km: float, length_m: float, rng: n
     return replace(scene, light=light)
 
 
-def with_concrete_joints(scene: RoadScene, slab_m: float, length_m: float, rng: np.random.Generator) -> RoadScene:
+def with_concrete_joints(scene: RoadScene, slab_m: float, road_length_m: float, rng: np.random.Generator) -> RoadScene:
     """The scene on concrete slabs: brighter, with a sealed joint across the road after each, and joints along it.
 
     The joints along the road lie up to half a metre inside the markings, dark with a light edge where the concrete
@@ -158,7 +158,7 @@ def with_concrete_joints(scene: RoadScene, slab_m: float, length_m: float, rng: 
     low, high = scene.right_edge_m, scene.left_edge_m
     across = tuple(
         Patch(station, SLAB_JOINT_LENGTH_M, 0.5 * (low + high), high - low, grey_ratio=0.65, seam=False)
-        for station in np.arange(rng.uniform(0.0, slab_m), length_m, slab_m).tolist()
+        for station in np.arange(rng.uniform(0.0, slab_m), road_length_m, slab_m).tolist()
     )
     return replace(scene, asphalt=grey, others=(*along, *scene.others), patches=(*scene.patches, *across))
 

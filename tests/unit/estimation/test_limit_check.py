@@ -155,13 +155,13 @@ def test_the_table_of_the_docs_has_these_bounds() -> None:
     stated = {row[0]: row[1] for row in rows if len(row) == 3}
     limits = {
         "speed: scale": sensor_limits.SPEED_SCALE_RANGE,
-        "speed: lever arm": sensor_limits.SPEED_LEVER_ARM_RANGE,
+        "speed: lever arm": sensor_limits.HEIGHT_ABOVE_SPEED_POINT_RANGE,
         "accelerometer: bias": sensor_limits.ACCEL_BIAS_RANGE,
         "accelerometer: grade": sensor_limits.GRADE_SIGMA_RANGE,
         "gyroscope: bias": sensor_limits.YAW_RATE_BIAS_RANGE,
         "position: slow error": sensor_limits.SLOW_POSITION_SIGMA_RANGE,
         "position: stamp jitter (sigma)": sensor_limits.STAMP_SIGMA_RANGE,
-        "place ahead": sensor_limits.LEVER_ARM_AHEAD_RANGE,
+        "place ahead": sensor_limits.LONGITUDINAL_LEVER_ARM_RANGE,
         "latency: change in a second": sensor_limits.LATENCY_DRIFT_RANGE,
         "latency": sensor_limits.LATENCY_RANGE,
         **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGE_BY_KIND.items()},

@@ -75,7 +75,7 @@ def difference(folder: Path, tolerances: Mapping[str, float] | None = None, /, *
 
 def test_identical_runs_have_no_difference(tmp_path: Path) -> None:
     found = difference(tmp_path)
-    assert found.is_identical
+    assert found.has_no_difference
     assert found.n_channels == 4
 
 

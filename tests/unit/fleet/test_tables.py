@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.errors import InputError
 from cwcli.fleet import tables
-from cwcli.fleet.staged_tables import list_staged_tables, write_staged_tables
+from cwcli.fleet.staged_tables import list_staged_tables, write_staged_tables_file_of_log
 from cwcli.fleet.table_schemas import unify_schemas
 from cwcli.fleet.tables import MergedRows, StagedRows, are_tables_whole, write_tables
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
@@ -56,7 +56,7 @@ def logs_of_many_schemas(rng: np.random.Generator) -> Logs:
 def stage(out: Path, logs: Logs) -> None:
     for id, own in logs.items():
         (out / "logs" / id).mkdir(parents=True)
-        write_staged_tables(own, out / "logs" / id / "tables.arrows")
+        write_staged_tables_file_of_log(own, out / "logs" / id / "tables.arrows")
 
 
 def staged_rows(out: Path) -> StagedRows:
