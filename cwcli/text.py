@@ -136,7 +136,11 @@ def terminal_cells_of_text(text: str) -> int:
 
 
 def wrap_text(text: str, width: int) -> list[str]:
-    """Wrap a text into lines of at most `width` cells, at spaces, else after `/ _ . ,`, else `-`, else anywhere."""
+    """Wrap a text into lines of at most `width` cells.
+
+    It breaks at spaces, else after `/ _ . ,`, else `-`, else before a capital letter (`BasicSafety Message`), else
+    anywhere.
+    """
     lines: list[str] = []
     rest = text
     width = max(width, 1)
@@ -163,4 +167,5 @@ def _position_of_next_line_break(text: str, width: int) -> int:
         best = max((text.rfind(mark, 1, fits) for mark in breaks), default=-1)
         if best > 0:
             return best + 1 if breaks != " " else best
-    return fits
+    capitals = [i for i in range(2, fits + 1) if text[i - 1].islower() and text[i : i + 1].isupper()]
+    return capitals[-1] if capitals else fits

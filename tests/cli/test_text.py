@@ -92,6 +92,7 @@ def test_wrap_breaks_at_spaces_then_slashes_then_anywhere() -> None:
     assert wrap_text("/camera/front/image", 10) == ["/camera/", "front/", "image"]
     assert wrap_text("abcdefgh", 3) == ["abc", "def", "gh"]
     assert wrap_text("hard-brake-other", 12) == ["hard-brake-", "other"]
+    assert wrap_text("BasicSafetyMessage", 17) == ["BasicSafety", "Message"]
 
 
 def test_wide_characters_count_two_cells() -> None:
