@@ -129,6 +129,7 @@ def _format_block(
         [
             [_longest_word_width([heads[i]], _natural_column_width("", [row[i] for row in cells])) for i in part],
             [_longest_word_width([heads[i], *(row[i] for row in cells)], narrowest[i]) for i in part],
+            [_longest_word_width([heads[i], *(row[i] for row in cells)], 0) for i in part],
             [narrowest[i] for i in part],
             [max(least[i], 1) for i in part],  # a word wider than the terminal is cut
         ],
