@@ -47,7 +47,7 @@ __all__ = [
     "report",
     "simulate",
 ]
-_HOMES = {
+_MODULE_AND_ATTRIBUTE_BY_PUBLIC_NAME = {
     "CwcliError": "cwcli.errors:CwcliError",
     "DataError": "cwcli.errors:DataError",
     "InputError": "cwcli.errors:InputError",
@@ -60,7 +60,7 @@ _HOMES = {
     "open": "cwcli.library.log:open_log",
 }
 """Public name -> the module and attribute that it stands for."""
-_HOMES_OF_CALLABLE_ROOMS = {
+_FUNCTION_BY_NAME_OF_CALLABLE_ROOM = {
     "report": "cwcli.library.pages:write_report",
     "simulate": "cwcli.library.simulated:write_simulation",
 }
@@ -99,10 +99,10 @@ if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
         """Import a public name when it is first used."""
-        if name in _HOMES:
-            value = globals()[name] = _import_attribute(_HOMES[name])
+        if name in _MODULE_AND_ATTRIBUTE_BY_PUBLIC_NAME:
+            value = globals()[name] = _import_attribute(_MODULE_AND_ATTRIBUTE_BY_PUBLIC_NAME[name])
             return value
-        if name in _HOMES_OF_CALLABLE_ROOMS:
+        if name in _FUNCTION_BY_NAME_OF_CALLABLE_ROOM:
             from importlib import import_module
 
             return import_module(f"{__name__}.{name}")
@@ -121,7 +121,7 @@ class _CallableRoom(ModuleType):
 
     @property
     def __wrapped__(self) -> Any:
-        return _import_attribute(_HOMES_OF_CALLABLE_ROOMS[self.__name__.rpartition(".")[2]])
+        return _import_attribute(_FUNCTION_BY_NAME_OF_CALLABLE_ROOM[self.__name__.rpartition(".")[2]])
 
     @property
     def __signature__(self) -> Any:
@@ -134,7 +134,7 @@ class _Package(ModuleType):
     """This package; a room that is imported into it becomes callable if it has the name of a public function."""
 
     def __setattr__(self, name: str, value: object) -> None:
-        if name in _HOMES_OF_CALLABLE_ROOMS and type(value) is ModuleType:
+        if name in _FUNCTION_BY_NAME_OF_CALLABLE_ROOM and type(value) is ModuleType:
             value.__class__ = _CallableRoom
         super().__setattr__(name, value)
 

@@ -38,7 +38,7 @@ NO_PLUGINS_VARIABLE = "CWCLI_NO_PLUGINS"
 """Environment variable that, set to anything, leaves out the entries of other packages, in worker processes, too."""
 _plugins_hidden: ContextVar[bool] = ContextVar("_plugins_hidden", default=False)
 """True while the registries leave out the entries of other packages."""
-Check = Callable[..., Any]
+CheckOfPluginResult = Callable[..., Any]
 """The type of a check: it gets the result of a plug-in's function and the arguments, returns the result, and raises
 TypeError or ValueError if the result is wrong."""
 
@@ -205,7 +205,7 @@ def import_module_attribute(target: str) -> Any:
     return attrgetter(attribute)(importlib.import_module(module))
 
 
-def accept_dataclass_of(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object, Plugin], T]:
+def accept_dataclass_of(kind: type[T], checks: Mapping[str, CheckOfPluginResult]) -> Callable[[object, Plugin], T]:
     """Return an `accept` for a registry of a data class: it guards each function of an entry and checks the results.
 
     Args:
@@ -230,7 +230,7 @@ def accept_dataclass_of(kind: type[T], checks: Mapping[str, Check]) -> Callable[
 
 
 def guard_plugin_function(
-    function: Callable[..., Any], name: str, check: Check | None, plugin: Plugin
+    function: Callable[..., Any], name: str, check: CheckOfPluginResult | None, plugin: Plugin
 ) -> Callable[..., Any]:
     """Return the function of a plug-in so that its errors, and wrong results, are raised as the plug-in's errors."""
 

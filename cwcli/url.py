@@ -15,7 +15,7 @@ import re
 from functools import lru_cache
 from typing import NamedTuple
 
-HIDDEN = "***"
+HIDDEN_URL_PART_TEXT = "***"
 """The text that replaces a part of a URL that is not shown."""
 CONTAINER_SCHEMES = frozenset({"abfs", "abfss", "wasb", "wasbs"})
 """Schemes of Azure, where `container@account` names a container in front of the `@`, and no user."""
@@ -23,7 +23,7 @@ QUERY_SCHEMES = frozenset({"http", "https"})
 """Schemes where every `?` begins a query. In others it may be a pattern (`s3://bucket/drive-?.mcap`)."""
 SIGNATURE_PREFIXES = ("x-amz-", "x-goog-", "x-oss-", "x-cos-", "x-obs-")
 """Beginnings of the parameters with which object stores sign a URL: Amazon, Google, Alibaba, Tencent, Huawei."""
-SIGNATURE_NAMES = frozenset(
+ACCESS_PARAMETER_NAMES = frozenset(
     {"access_token", "access-token", "accesskeyid", "api_key", "api-key", "apikey", "auth", "auth_token"}
     | {"authorization", "awsaccesskeyid", "client_secret", "credential", "credentials", "expire", "expires"}
     | {"googleaccessid", "hmac", "id_token", "jwt", "key-pair-id", "ossaccesskeyid", "pass", "passwd", "password"}
@@ -31,7 +31,7 @@ SIGNATURE_NAMES = frozenset(
 )
 """Names of parameters that say who may read, not what is read; compared without regard to case. A name that could be
 either, `key` for example, is not among them: two files must never be taken for one."""
-SAS_NAMES = frozenset(
+AZURE_SIGNATURE_PARAMETER_NAMES = frozenset(
     {"saoid", "scid", "se", "sip", "ske", "skoid", "sks", "skt", "sktid", "skv"}
     | {"sp", "spr", "sr", "srt", "ss", "st", "suoid", "sv"}
 )
@@ -70,10 +70,10 @@ def redact_url(url: str) -> str:
     user, host, path, query, fragment = _split_url_behind_scheme(scheme, url[end:])
     if user is not None:
         is_container = scheme in CONTAINER_SCHEMES and ":" not in user
-        host = f"{user if is_container else HIDDEN}@{host}"
+        host = f"{user if is_container else HIDDEN_URL_PART_TEXT}@{host}"
     shown = f"{url[:end]}{host}{path}"
-    shown += f"?{HIDDEN}" if query is not None else ""
-    return shown + (f"#{HIDDEN}" if fragment is not None else "")
+    shown += f"?{HIDDEN_URL_PART_TEXT}" if query is not None else ""
+    return shown + (f"#{HIDDEN_URL_PART_TEXT}" if fragment is not None else "")
 
 
 def redact_urls(text: str, url: str = "") -> str:
@@ -86,7 +86,7 @@ def redact_urls(text: str, url: str = "") -> str:
     if "://" in text:
         text = re.sub(_URL_PATTERN, _redact_match, text)
     for secret in _secret_spellings(url):
-        text = text.replace(secret, HIDDEN)
+        text = text.replace(secret, HIDDEN_URL_PART_TEXT)
     return text
 
 
@@ -123,7 +123,7 @@ def _identifying_parameters(query: str) -> list[tuple[str, str]]:
 
     pairs = parse_qsl(query, keep_blank_values=True)
     names = {name.lower() for name, _ in pairs}
-    signing = SIGNATURE_NAMES | (SAS_NAMES if "sig" in names else frozenset())
+    signing = ACCESS_PARAMETER_NAMES | (AZURE_SIGNATURE_PARAMETER_NAMES if "sig" in names else frozenset())
     return sorted(
         (name, value)
         for name, value in pairs

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.measures.outlines import Size, outline_separation_m
+from cwcli.measures.outlines import LengthAndWidthM, outline_separation_m
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, X, Y
 
@@ -35,8 +35,8 @@ class Encounter:
     time_s: FloatArray
     host: FloatArray
     other: FloatArray
-    host_size: Size
-    other_size: Size
+    host_size: LengthAndWidthM
+    other_size: LengthAndWidthM
     other_id: str
     event_s: float = 0.0
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures import fuzzy_safety
-from cwcli.measures.outlines import Size, outline_separation_m
+from cwcli.measures.outlines import LengthAndWidthM, outline_separation_m
 from cwcli.signals.columns import BoolArray, FloatArray
 
 GRAVITY_MPS2 = 9.81
@@ -204,14 +204,14 @@ class EgoCases:
 
     speed_mps: FloatArray
     pose_at: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-    size: Size
+    size: LengthAndWidthM
     offset_m: FloatArray | None = None
 
 
 def simulate_driver_cases(
     driver: DriverModel,
     ego: EgoCases,
-    other_at: Callable[[int], tuple[CasePoses, BoolArray, Size]],
+    other_at: Callable[[int], tuple[CasePoses, BoolArray, LengthAndWidthM]],
     *,
     n_steps: int,
     step_s: float,
@@ -259,8 +259,8 @@ def _driving_situation(
     speed_mps: FloatArray,
     accel_mps2: FloatArray,
     other: CasePoses,
-    ego_size: Size,
-    other_size: Size,
+    ego_size: LengthAndWidthM,
+    other_size: LengthAndWidthM,
 ) -> DrivingSituation:
     """Compute a driver's inputs: gaps and speeds of the other along and across the ego's heading."""
     cosine, sine = np.cos(own[2]), np.sin(own[2])

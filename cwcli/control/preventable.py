@@ -22,7 +22,7 @@ from cwcli.control.driver_models import (
     simulate_driver_cases,
 )
 from cwcli.lazy_dataclass import dataclass
-from cwcli.measures.outlines import Size
+from cwcli.measures.outlines import LengthAndWidthM
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import BoolArray, FloatArray, encode_strings, repeat_string
@@ -136,12 +136,12 @@ def _path_pose_function(
 
 
 def _recorded_pose_function(
-    other: tuple[FloatArray, FloatArray], starts: FloatArray, size: Size
-) -> Callable[[int], tuple[CasePoses, BoolArray, Size]]:
+    other: tuple[FloatArray, FloatArray], starts: FloatArray, size: LengthAndWidthM
+) -> Callable[[int], tuple[CasePoses, BoolArray, LengthAndWidthM]]:
     """A function from the step to the recorded other in each case: poses, whether it counts, and its size."""
     time, state = other
 
-    def poses_at(step: int) -> tuple[CasePoses, BoolArray, Size]:
+    def poses_at(step: int) -> tuple[CasePoses, BoolArray, LengthAndWidthM]:
         time_ns = starts + step * SIMULATION_STEP_S
         x, y, speed, heading = (np.interp(time_ns, time, state[:, column]) for column in range(4))
         beyond = np.maximum(time_ns - time[-1], 0.0) * speed

@@ -19,7 +19,7 @@ Senders = Literal["plain", "j2945"]
 LatencyOption = Literal["auto", "none"] | Mapping[str, float]
 LeverArms = Mapping[str, tuple[float, float]]
 """Source -> lever arm: m ahead and to the left of the reference point, whose course is the heading."""
-MAX_LEVER_ARM_AHEAD_M, MAX_LEVER_ARM_LEFT_M = 20.0, 5.0
+MAX_LONGITUDINAL_LEVER_ARM_M, MAX_LATERAL_LEVER_ARM_M = 20.0, 5.0
 """Greatest lever arm ahead and to the left that is accepted, m. Chosen beyond the size of any lorry; not fitted."""
 MS_PER_S = 1000.0
 """Milliseconds in a second."""
@@ -56,7 +56,7 @@ def parse_lever_arm_options(entries: Sequence[str]) -> LeverArms:
         parts = [parse_float_or_nan(part) for part in text.split(",")]
         return (parts[0], parts[1]) if len(parts) == 2 and is_lever_arm_on_car(*parts) else None
 
-    permitted = f"NAME=AHEAD,LEFT in metres, at most {MAX_LEVER_ARM_AHEAD_M:g} and {MAX_LEVER_ARM_LEFT_M:g}"
+    permitted = f"NAME=AHEAD,LEFT in metres, at most {MAX_LONGITUDINAL_LEVER_ARM_M:g} and {MAX_LATERAL_LEVER_ARM_M:g}"
     return parse_values_by_name("--lever-arm", entries, parse_ahead_and_left_m, permitted, "/gps/fix=1.2,0")
 
 
@@ -88,7 +88,7 @@ def parse_source_units(entries: Sequence[str]) -> Mapping[str, str]:
 
 def is_lever_arm_on_car(ahead_m: float, left_m: float) -> bool:
     """Whether a lever arm (m) lies within the accepted bounds; False for NaN."""
-    return abs(ahead_m) <= MAX_LEVER_ARM_AHEAD_M and abs(left_m) <= MAX_LEVER_ARM_LEFT_M
+    return abs(ahead_m) <= MAX_LONGITUDINAL_LEVER_ARM_M and abs(left_m) <= MAX_LATERAL_LEVER_ARM_M
 
 
 @dataclass(frozen=True)

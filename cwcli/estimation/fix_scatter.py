@@ -22,10 +22,10 @@ from cwcli.signals.vehicle_state import X, Y
 MAX_NOISE_TO_SCATTER_RATIO = 2.0
 """Greatest ratio of the noise by the estimator to the scatter. Chosen by hand: it is 0.9 to 1.1 in simulated drives
 without a fault."""
-MAX_AGREEING_RATIO = 1.5
+MAX_NOISE_TO_SCATTER_RATIO_AFTER_LEAVING_OUT = 1.5
 """Greatest such ratio of sources that agree after one was left out. Chosen by hand, between that without a fault and
 the greatest one."""
-MIN_CLEAR_EXCESS, EXCESS_SIGMAS = 0.15, 4.0
+MIN_NOISE_EXCESS_SHARE_OVER_SCATTER, MIN_NOISE_EXCESS_OVER_SCATTER_SIGMAS = 0.15, 4.0
 """Least share by which noise is clearly larger than the scatter, and least excess in sigmas of the ratio, which is
 1 / sqrt(n) for n rows. Chosen by hand: the greatest ratio in simulated drives without a fault is 1.1, of 181 rows."""
 ROUNDING_ERROR_SIGMA_IN_STEPS = 12.0**-0.5
@@ -75,7 +75,7 @@ def is_sigma_a_lasting_error(kind: Kind, sigma: float, scatter: float) -> bool:
 
 def is_sigma_clearly_above_scatter(sigma: float, scatter: float, n_rows: int) -> bool:
     """Whether the noise that the estimator found of n rows is larger than their scatter, beyond chance."""
-    excess = max(MIN_CLEAR_EXCESS, EXCESS_SIGMAS / math.sqrt(max(n_rows, 1)))
+    excess = max(MIN_NOISE_EXCESS_SHARE_OVER_SCATTER, MIN_NOISE_EXCESS_OVER_SCATTER_SIGMAS / math.sqrt(max(n_rows, 1)))
     return sigma > (1.0 + excess) * scatter
 
 
@@ -103,7 +103,9 @@ def is_sigma_explained_by_scatter(kind: Kind, sigma: float, scatter: float) -> b
     """Whether the noise is clearly that of the source alone: half of what would be an error that lasts, or less."""
     if kind not in MIN_LASTING_ERROR_BY_KIND:
         return True
-    return not sigma > max(MAX_AGREEING_RATIO * scatter, 0.5 * MIN_LASTING_ERROR_BY_KIND[kind])
+    return not sigma > max(
+        MAX_NOISE_TO_SCATTER_RATIO_AFTER_LEAVING_OUT * scatter, 0.5 * MIN_LASTING_ERROR_BY_KIND[kind]
+    )
 
 
 def covariance_from_lasting_errors(reports: Sequence[SourceReport]) -> StateCovariance:

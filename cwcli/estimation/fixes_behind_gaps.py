@@ -19,12 +19,12 @@ from cwcli.estimation.result import SourceReport
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray
 
-MIN_GAP_S = 5.0
+MIN_TIME_WITHOUT_FIX_S = 5.0
 """Least time without a fix, s. Chosen by hand: behind shorter ones the gate still tells a jump by itself."""
-MIN_NIS = 25.0
+MIN_NIS_OF_FIX_BEHIND_GAP = 25.0
 """Least normalised innovation squared of the fix that ends a gap. Chosen: 5 sigmas, as two in 10^6 by chance; behind 20
 s without fixes it is at most 7.2 (the scenarios `city`, `city-coarse` and `phone`, and KITTI)."""
-MIN_DISTANCE_M = 3.3
+MIN_DISTANCE_OF_FIX_BEHIND_GAP_M = 3.3
 """Least distance, m: one sigma of the GPS Standard Positioning Service (2020; 8 m in 95 %), as for jumping fixes."""
 
 
@@ -49,7 +49,11 @@ def find_contradictions_of_fixes_behind_gaps(
     back = back[back > 0]
     gap_s = s.time_s[back] - s.time_s[back - 1]  # where fixes are rejected instead, the gate tells it
     distance_m = np.sqrt(s.n_values_per_row * found[back, 1])
-    is_far = (gap_s > MIN_GAP_S) & (found[back, 0] > MIN_NIS) & (distance_m > MIN_DISTANCE_M)
+    is_far = (
+        (gap_s > MIN_TIME_WITHOUT_FIX_S)
+        & (found[back, 0] > MIN_NIS_OF_FIX_BEHIND_GAP)
+        & (distance_m > MIN_DISTANCE_OF_FIX_BEHIND_GAP_M)
+    )
     if not is_far.any():
         return []
     k = int(np.argmax(np.where(is_far, found[back, 0], 0.0)))

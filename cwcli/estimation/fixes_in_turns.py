@@ -19,12 +19,12 @@ from cwcli.signals.vehicle_state import X, Y
 
 MIN_FIXES_IN_TURNS = 100
 """Least number of fixes that show it. Chosen by hand: ten blocks of five pairs."""
-MIN_DISTANCE_M = 1.0
+MIN_DISTANCE_OF_TWO_ANTENNAS_M = 1.0
 """Least distance that is told, m. Chosen: a car's width is 2 m, and two antennas on a roof are 1 m apart."""
 COMPARED_ROWS_APART = 6
 """Rows between two compared deviations, an even number: those of noise share no fix. Chosen as small, as
 cars turn."""
-N_BLOCKS = 10
+N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS = 10
 """Number of parts of the log that must all show it. Chosen by hand: chance does so in one log of a thousand."""
 MIN_SIGMAS_OF_DISTANCE = 6.0
 """Least squared distance in its sigmas, of rows of which one in `COMPARED_ROWS_APART` is independent. Chosen: chance
@@ -54,10 +54,12 @@ def distance_of_fixes_in_turns_m(time_s: FloatArray, fixes_m: EastNorthRows) -> 
     product = product[n_broken[COMPARED_ROWS_APART + 2 :] == n_broken[: -COMPARED_ROWS_APART - 2]]
     if len(product) < MIN_FIXES_IN_TURNS // 2:
         return 0.0
-    blocks = np.array([block.mean() for block in np.array_split(product, N_BLOCKS)])
+    blocks = np.array([block.mean() for block in np.array_split(product, N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS)])
     squared_m2 = float(product.mean())
     sigma_m2 = float(product.std()) / (len(product) / COMPARED_ROWS_APART) ** 0.5
-    is_clear = squared_m2 > max(MIN_DISTANCE_M**2, MIN_SIGMAS_OF_DISTANCE * sigma_m2) and bool((blocks > 0.0).all())
+    is_clear = squared_m2 > max(MIN_DISTANCE_OF_TWO_ANTENNAS_M**2, MIN_SIGMAS_OF_DISTANCE * sigma_m2) and bool(
+        (blocks > 0.0).all()
+    )
     return squared_m2**0.5 if is_clear else 0.0
 
 

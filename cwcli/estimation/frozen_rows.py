@@ -19,13 +19,13 @@ MIN_REPETITIONS_OF_HELD_FIX = 4
 MAX_HELD_FIX_CHANGE_M = 1e-3
 """Greatest change in m, east or north, of a fix that is held: a height that goes on moves the place in the map by less.
 Chosen below the noise of every receiver."""
-MIN_RESTING_S = 5.0
+MIN_DURATION_OF_RESTING_FIXES_S = 5.0
 """Least time, s, for which fixes with noise rest although the car moves on. Chosen: in less a fix rounded to 11 m,
 a ten thousandth of a degree, rests lawfully at walking speed."""
 ROWS_OF_RESTING_NOISE, RESTING_RADIUS_IN_SIGMAS, MIN_RESTING_RADIUS_M = 5, 4.0, 0.3
 """Last resting rows whose scatter tells the noise, and how far from the last one the others rest: so many sigmas, and
 at least so many metres. Chosen by hand; not fitted."""
-MOTION_CHECK_S = 1.0
+MOTION_CHECK_TIME_AROUND_REST_S = 1.0
 """Time before and after a rest, s, in which a car that did not stand moves. Chosen by hand: a car stops more slowly."""
 MAX_JUMP_STEP_TO_USUAL = 3.0
 """Longest step, in usual ones, in which the fixes jump to where the car is. Chosen by hand: behind a pause they may."""
@@ -126,7 +126,7 @@ def _resting_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_known: Bool
     step_s, step_m = np.diff(time_s), np.hypot(*np.diff(fixes_m, axis=0).T)
     is_jump = (
         ~is_known[:-1]
-        & (step_m > MIN_MOVING_SPEED_MPS * MIN_RESTING_S)
+        & (step_m > MIN_MOVING_SPEED_MPS * MIN_DURATION_OF_RESTING_FIXES_S)
         & (step_s < MAX_JUMP_STEP_TO_USUAL * median_of_values(step_s))
     )
 
@@ -140,13 +140,13 @@ def _resting_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_known: Bool
         radius_m = max(RESTING_RADIUS_IN_SIGMAS * noise_m, MIN_RESTING_RADIUS_M)
         far_rows = np.flatnonzero(np.hypot(*(fixes_m[:last] - fixes_m[last]).T) > radius_m)
         begin = int(far_rows[-1]) + 1 if len(far_rows) else 0
-        lasts_long = time_s[last] - time_s[begin] >= MIN_RESTING_S
+        lasts_long = time_s[last] - time_s[begin] >= MIN_DURATION_OF_RESTING_FIXES_S
         goes_on = step_m[last] > MIN_MOVING_SPEED_MPS * (time_s[last + 1] - time_s[begin])
         if (
             lasts_long
             and goes_on
-            and is_moving(begin, time_s[begin] - MOTION_CHECK_S)
-            and is_moving(last + 1, time_s[last + 1] + MOTION_CHECK_S)
+            and is_moving(begin, time_s[begin] - MOTION_CHECK_TIME_AROUND_REST_S)
+            and is_moving(last + 1, time_s[last + 1] + MOTION_CHECK_TIME_AROUND_REST_S)
         ):
             resting[begin + 1 : last + 1] = True
     return resting

@@ -21,7 +21,7 @@ MAX_GYROSCOPE_GAP_S = 0.5
 MIN_MOVEMENT_ACROSS_GAP_SIGMAS = 5.0
 """Least difference of the positions across a gap, in sigmas, at which the car counts as moved. Chosen by hand; not
 fitted."""
-HEADING_EVIDENCE_KINDS = (Kind.POSITION, Kind.VELOCITY, Kind.HEADING)
+KINDS_SHOWING_HEADING = (Kind.POSITION, Kind.VELOCITY, Kind.HEADING)
 """Kinds from which the filter learns the heading."""
 
 
@@ -36,7 +36,7 @@ def find_filter_restarts_after_gaps(series: Sequence[SensorSeries], *, causal: b
         causal: See `find_filter_start`: the restart then waits until a heading is known; there is none where that never
             happens.
     """
-    times = np.sort(np.concatenate([s.time_s - s.latency_s for s in series if s.kind in HEADING_EVIDENCE_KINDS]))
+    times = np.sort(np.concatenate([s.time_s - s.latency_s for s in series if s.kind in KINDS_SHOWING_HEADING]))
     before_gaps = np.flatnonzero(np.diff(times) > MAX_TIME_WITHOUT_HEADING_EVIDENCE_S)
     gaps = [
         (begin, end)

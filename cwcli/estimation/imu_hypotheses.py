@@ -16,7 +16,7 @@ from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.imu import (
     ACCEL_UNIT_HYPOTHESES,
     GYRO_UNIT_HYPOTHESES,
-    SIGN_HYPOTHESES,
+    IMU_SIGN_HYPOTHESES,
     axes_hypothesis,
     signed_axis_rotations,
 )
@@ -113,8 +113,8 @@ class _ImuFault:
         parts = [
             *([ACCEL_UNIT_HYPOTHESES[self.accel_unit - 1]] if self.accel_unit else []),
             *([GYRO_UNIT_HYPOTHESES[self.gyro_unit - 1]] if self.gyro_unit else []),
-            *([SIGN_HYPOTHESES[0]] if self.accel_sign < 0 else []),
-            *([SIGN_HYPOTHESES[1]] if self.gyro_sign < 0 else []),
+            *([IMU_SIGN_HYPOTHESES[0]] if self.accel_sign < 0 else []),
+            *([IMU_SIGN_HYPOTHESES[1]] if self.gyro_sign < 0 else []),
             *([axes_hypothesis(*self.axes)] if self.axes != (1, 2, 3) else []),
         ]
         found: Hypothesis | None = None

@@ -21,7 +21,7 @@ MIN_DRIFT_LIKELIHOOD_GAIN = 4.5
 """Least gain of log-likelihood of a drift: three sigma."""
 MIN_SCATTER_BLOCKS = 3
 """Least number of blocks whose scatter gives a sigma. Chosen: two have only one degree of freedom."""
-MIN_EFFECTIVE_BLOCKS = 2.0
+MIN_EFFECTIVE_BLOCKS_FOR_SIGMA = 2.0
 """Least effective number of blocks for a sigma by scatter. Chosen by hand; not fitted."""
 FEW_BLOCKS_SIGMA_FACTOR = 3.0
 """Least ratio of the sigma to the formal one with fewer effective blocks. Chosen by hand; not fitted."""
@@ -105,12 +105,12 @@ class LatencyEvidence:
         bend = np.bincount(block, self.bend, n_blocks)
         weight = np.maximum(bend, 0.0)
         n_effective = float(weight.sum()) ** 2 / float(weight @ weight)
-        n_used = max(n_effective, MIN_EFFECTIVE_BLOCKS)
+        n_used = max(n_effective, MIN_EFFECTIVE_BLOCKS_FOR_SIGMA)
         slope = np.bincount(block, self.slope, n_blocks) + bend * (self.likeliest_latency_s - self.centre_s)
         # The slopes add up to zero; of blocks that scatter as their bends say, the mean of the sum of their squares is
         # the whole bend times 1 - 1 / n_used.
         scatter_s = float(np.sqrt(slope @ slope / (1.0 - 1.0 / n_used))) * self.formal_sigma_s**2
-        least_s = FEW_BLOCKS_SIGMA_FACTOR * self.formal_sigma_s if n_effective < MIN_EFFECTIVE_BLOCKS else 0.0
+        least_s = FEW_BLOCKS_SIGMA_FACTOR * self.formal_sigma_s if n_effective < MIN_EFFECTIVE_BLOCKS_FOR_SIGMA else 0.0
         return max(_student_to_normal_quantile_ratio(n_used - 1.0) * scatter_s, least_s)
 
     def find_drift_rate_and_middle_s(self) -> tuple[float, float] | None:

@@ -25,7 +25,7 @@ from cwcli.signals.columns import FloatArray
 
 ODOMETRY_WINDOW_LENGTH_S = 20.0
 """Length of a window, s. Chosen longer than a manoeuvre, and so short that a gyroscope's bias hardly bends the way."""
-MIN_WINDOWS, MIN_ROWS_PER_WINDOW = 6, 8
+MIN_ODOMETRY_WINDOWS, MIN_FIXES_PER_ODOMETRY_WINDOW = 6, 8
 """Least number of windows, and least number of fixes in one. Chosen by hand; not fitted."""
 MAX_ODOMETRY_ROW_GAP_S = 0.5
 """Greatest time between two rows of speed or yaw rate in a window, s. Chosen by hand; not fitted."""
@@ -104,13 +104,13 @@ def find_delay_against_odometry(
         position: The fixes, stamps as they are.
         speed, yaw_rate: Stamps corrected by their latencies (`latency_s`).
     """
-    if min(len(position), len(speed), len(yaw_rate)) < MIN_WINDOWS * MIN_ROWS_PER_WINDOW:
+    if min(len(position), len(speed), len(yaw_rate)) < MIN_ODOMETRY_WINDOWS * MIN_FIXES_PER_ODOMETRY_WINDOW:
         return None
     time_s, place = position.time_s, position.values[:, 0] + 1j * position.values[:, 1]
     windows = _row_slices_of_usable_windows(
         time_s, speed.time_s - speed.latency_s, yaw_rate.time_s - yaw_rate.latency_s
     )
-    if len(windows) < MIN_WINDOWS:
+    if len(windows) < MIN_ODOMETRY_WINDOWS:
         return None
     way, delay_s = _integrate_way(speed, yaw_rate), 0.0
     for _ in range(N_DELAY_ITERATIONS):
@@ -175,7 +175,7 @@ def _row_slices_of_usable_windows(time_s: FloatArray, *odometry_s: FloatArray) -
     for begin_s in edges[:-1].tolist():
         i, j = np.searchsorted(time_s, [begin_s, begin_s + ODOMETRY_WINDOW_LENGTH_S]).tolist()
         if (
-            j - i >= MIN_ROWS_PER_WINDOW
+            j - i >= MIN_FIXES_PER_ODOMETRY_WINDOW
             and not ((paused > begin_s - 1.0) & (paused < begin_s + ODOMETRY_WINDOW_LENGTH_S)).any()
         ):
             found.append(slice(i, j))

@@ -41,7 +41,7 @@ from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import (
     CONVERGED_NOISE_FACTOR,
     MAX_NOISE_MATCHINGS,
-    SEARCH_UNIT,
+    SEARCH_PROGRESS_UNIT_NAME,
     USUAL_PASSES_PER_SEARCH,
     FilterTrials,
     cut_to_window,
@@ -130,7 +130,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
         # The first position must not count twice: at constant speed a shift in time is a shift in place.
         trials = FilterTrials(start_position_sigma_m=START_POSITION_SIGMA_M)
         share_done, share_after = n_searched / n_to_search, (n_searched + 1) / n_to_search
-        with part_of_work(share_done, share_after, SEARCH_UNIT, USUAL_PASSES_PER_SEARCH):
+        with part_of_work(share_done, share_after, SEARCH_PROGRESS_UNIT_NAME, USUAL_PASSES_PER_SEARCH):
             found.append(_LatencySearch(target, near, replace(layout, parameters=parameters), trials).find_latency())
         n_searched += 1
     return found

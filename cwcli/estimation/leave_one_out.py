@@ -27,7 +27,7 @@ from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
-from cwcli.estimation.sensor_limits import LATENCY_DRIFT_RANGE
+from cwcli.estimation.sensor_limits import LATENCY_CHANGE_PER_SECOND_RANGE
 from cwcli.estimation.slow_drift import find_contradictions_of_drifting_fixes
 from cwcli.estimation.source_vote import quantity_of_series, without_any_rows
 from cwcli.estimation.tolerances import MAX_GATED_ROW_SHARE
@@ -44,7 +44,7 @@ is fitted anew and errors last."""
 MAX_UNDOUBTED_GATED_ROW_SHARE = 0.01
 """Greatest share of gated rows that raises no doubt: ten times what the gate rejects by chance. Chosen by hand."""
 
-_MOTIONS_OF_KIND = {
+_MEASURED_MOTIONS_BY_KIND = {
     Kind.VELOCITY: frozenset({"along", "turning"}),
     Kind.SPEED: frozenset({"along"}),
     Kind.ACCEL: frozenset({"along"}),
@@ -82,7 +82,7 @@ def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
         and r.kind not in RATE_KINDS
         and (
             do_errors_raise_doubt(r)
-            or not LATENCY_DRIFT_RANGE.contains_or_is_nan(r.latency.drift)
+            or not LATENCY_CHANGE_PER_SECOND_RANGE.contains_or_is_nan(r.latency.drift)
             or r.n_gated > MAX_UNDOUBTED_GATED_ROW_SHARE * (r.n_used + r.n_gated)
         )
     }
@@ -115,7 +115,7 @@ def can_third_source_judge(reports: Sequence[SourceReport], group: Collection[So
 
 
 def _measured_motions(quantities: Collection[SourceQuantity]) -> frozenset[str]:
-    return frozenset[str]().union(*(_MOTIONS_OF_KIND[each.kind] for each in quantities))
+    return frozenset[str]().union(*(_MEASURED_MOTIONS_BY_KIND[each.kind] for each in quantities))
 
 
 def raise_noise_of_fixes_to_reported(

@@ -13,7 +13,7 @@ from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.sensor_limits import (
     ACCEL_BIAS_RANGE,
-    LATENCY_DRIFT_RANGE,
+    LATENCY_CHANGE_PER_SECOND_RANGE,
     LATENCY_RANGE,
     STAMP_SIGMA_RANGE,
     WHITE_NOISE_RANGE_BY_KIND,
@@ -71,12 +71,17 @@ def find_contradictions_of_changing_latencies(
     found: dict[str, Contradiction] = {}
     for report in reports:
         drift = report.latency.drift
-        if report.source in contradicted_sources or not report.n_used or LATENCY_DRIFT_RANGE.contains_or_is_nan(drift):
+        if (
+            report.source in contradicted_sources
+            or not report.n_used
+            or LATENCY_CHANGE_PER_SECOND_RANGE.contains_or_is_nan(drift)
+        ):
             continue
         who = SourceQuantity(report.source, Kind.IMU if report.kind in RATE_KINDS else report.kind)
         what = (
             f"its latency changes by {MS_PER_MINUTE_OF_UNIT_DRIFT * drift:.0f} ms a minute, and a clock's by at most "
-            f"{MS_PER_MINUTE_OF_UNIT_DRIFT * LATENCY_DRIFT_RANGE.high:.0f} ms: it steps, or the stamps are wrong"
+            f"{MS_PER_MINUTE_OF_UNIT_DRIFT * LATENCY_CHANGE_PER_SECOND_RANGE.high:.0f} ms: "
+            "it steps, or the stamps are wrong"
         )
         found.setdefault(report.source, Contradiction(who, quantity_compared_with(report, reports), what))
     return list(found.values())

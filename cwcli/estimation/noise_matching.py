@@ -15,7 +15,7 @@ MAX_NOISE_FACTOR_PER_CALL = 64.0
 """Greatest factor by which one call changes a noise variance. Chosen by hand; not fitted."""
 N_NOISE_FACTOR_BISECTIONS = 16
 """Number of bisections for the factor: it is exact to 64^(2 / 2^16)."""
-MAX_COUNTED_NIS = 9.0
+MAX_NIS_COUNTED_IN_NOISE = 9.0
 """Greatest squared normalised innovation that is counted: an outlier counts as three sigma."""
 
 
@@ -45,7 +45,7 @@ def noise_variance_factor(s: SensorSeries, nis: FloatArray, so_far: float | None
         np.ascontiguousarray(r),
         most=MAX_NOISE_FACTOR_PER_CALL,
         n_steps=N_NOISE_FACTOR_BISECTIONS,
-        limit=MAX_COUNTED_NIS,
+        limit=MAX_NIS_COUNTED_IN_NOISE,
     )
     if s.slow_state < 0:
         if s.noise_origin == "message":

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.hypotheses.base import Hypothesis
-from cwcli.estimation.hypotheses.imu import IMU, tilt_hypothesis
+from cwcli.estimation.hypotheses.imu import IMU_HYPOTHESES, tilt_hypothesis
 from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
@@ -92,7 +92,7 @@ def find_tilt_and_evidence(values: AccelGyroRows) -> tuple[Hypothesis, str] | No
 
 
 def _imu_hypothesis_by_name(name: str) -> Hypothesis:
-    return next(each for each in IMU if each.name == name)
+    return next(each for each in IMU_HYPOTHESES if each.name == name)
 
 
 def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: ValueRows) -> bool:

@@ -30,7 +30,7 @@ MIN_RESOLUTION_SHARE_OF_LEAST_NOISE = 0.01
 MIN_RESOLVED_CHANGES = 8
 """Least number of small changes from which a resolution is read off. Chosen: eight changes without a resolution look
 like whole multiples of the least one in 1 of 15,000 cases."""
-RESOLUTION_STEPS, RESOLUTION_TOLERANCE, MIN_WHOLE_SHARE = 10.5, 0.15, 0.9
+TRIED_RESOLUTION_STEPS, RESOLUTION_TOLERANCE, MIN_SHARE_OF_VALUES_ON_RESOLUTION_STEPS = 10.5, 0.15, 0.9
 """Changes up to so many steps are whole multiples of a resolution, within this tolerance in steps, in at least this
 share. Chosen: of changes without a resolution 30 % lie within the tolerance."""
 MAX_JUMP_AFTER_HOLD_TO_USUAL = 3.0
@@ -44,9 +44,9 @@ MIN_BEND_IN_TOLERANCES = 3.0
 by hand."""
 MIN_KNOT_BEND_TO_MEDIAN = 5.0
 """Least ratio of a knot's second difference to the median one. Chosen by hand; not fitted."""
-MIN_KNOTS, MIN_ROWS_PER_KNOT = 12, 2.5
+MIN_INTERPOLATION_KNOTS, MIN_ROWS_PER_INTERPOLATION_KNOT = 12, 2.5
 """Least number of knots, and least number of rows for each. Chosen by hand; not fitted."""
-MIN_REGULAR_SHARE, REGULAR_TOLERANCE = 0.8, 0.15
+MIN_SHARE_OF_REGULAR_KNOTS, KNOT_REGULARITY_TOLERANCE = 0.8, 0.15
 """Least share of lines that last a whole number of the usual duration, within this share of it. Chosen by hand."""
 MIN_SHARE_OF_STRAIGHT_LINES = 0.9
 """Least share of lines on which all rows lie. Chosen by hand; not fitted."""
@@ -148,7 +148,7 @@ def _repeated_row_mask_and_period_s(
     usual = median_of_finite_values(size[:-1][is_held])
     run = np.cumsum(is_new) - 1
     # A car that stands is measured again and again: one row a period stays.
-    n_periods = np.floor((time_s - time_s[first][run]) / period_s + REGULAR_TOLERANCE)
+    n_periods = np.floor((time_s - time_s[first][run]) / period_s + KNOT_REGULARITY_TOLERANCE)
     begins_period = np.zeros(n, np.bool_)
     begins_period[1:] = (n_periods[1:] > n_periods[:-1]) & ~is_new[1:]
     last = np.append(first[1:], n) - 1
@@ -165,11 +165,11 @@ def quantisation_step_or_zero_or_infinity(value_changes: FloatArray, floor: floa
     if len(value_changes) < MIN_RESOLVED_CHANGES:
         return float("inf")
     least = float(value_changes.min())
-    steps = value_changes[value_changes < RESOLUTION_STEPS * least] / least
+    steps = value_changes[value_changes < TRIED_RESOLUTION_STEPS * least] / least
     if len(steps) < MIN_RESOLVED_CHANGES:
         return 0.0
     is_whole = np.abs(steps - np.rint(steps)) < RESOLUTION_TOLERANCE
-    return least if float(is_whole.mean()) >= MIN_WHOLE_SHARE else 0.0
+    return least if float(is_whole.mean()) >= MIN_SHARE_OF_VALUES_ON_RESOLUTION_STEPS else 0.0
 
 
 def _interpolated_row_mask_and_period_s(
@@ -189,13 +189,13 @@ def _interpolated_row_mask_and_period_s(
     slope = np.diff(values, axis=0) / step_s[:, None]
     bend = np.abs(np.diff(slope, axis=0)).max(axis=1) * np.minimum(step_s[1:], step_s[:-1])
     knots = np.flatnonzero(bend > max(MIN_KNOT_BEND_TO_MEDIAN * median_of_finite_values(bend), 0.25 * tolerance)) + 1
-    if len(knots) < MIN_KNOTS or n < MIN_ROWS_PER_KNOT * len(knots):
+    if len(knots) < MIN_INTERPOLATION_KNOTS or n < MIN_ROWS_PER_INTERPOLATION_KNOT * len(knots):
         return none
     duration_s = np.diff(time_s[knots])
     period_s = median_of_finite_values(duration_s)
     n_periods = np.maximum(np.rint(duration_s / period_s), 1.0)
-    is_regular = np.abs(duration_s / period_s - n_periods) < REGULAR_TOLERANCE
-    if float(is_regular.mean()) < MIN_REGULAR_SHARE or period_s < 1.5 * median_of_finite_values(step_s):
+    is_regular = np.abs(duration_s / period_s - n_periods) < KNOT_REGULARITY_TOLERANCE
+    if float(is_regular.mean()) < MIN_SHARE_OF_REGULAR_KNOTS or period_s < 1.5 * median_of_finite_values(step_s):
         return none
     line = np.clip(np.searchsorted(knots, np.arange(n), side="right") - 1, 0, len(knots) - 2)
     line_slope = np.diff(values[knots], axis=0) / duration_s[:, None]

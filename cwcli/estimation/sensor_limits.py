@@ -63,7 +63,7 @@ SLOW_POSITION_SIGMA_RANGE = ParameterRange(
     "is room for reflections between houses",
 )
 """Range of the sigma of a slow error of positions, m, per axis; its field `source` gives the reason."""
-GRADE_SIGMA_RANGE = ParameterRange(
+ROAD_GRADE_ACCEL_SIGMA_RANGE = ParameterRange(
     0.0, 1.2, "m/s^2", "gravity through a road whose grade scatters by 12 %: the steepest roads of a hilly town"
 )
 """Range of the sigma of gravity through the grade of the road, m/s^2; its field `source` gives the reason."""
@@ -75,7 +75,7 @@ LATENCY_RANGE = ParameterRange(
     "early by more than the period of half a second that slow buses have",
 )
 """Range of a latency, s; positive is late; its field `source` gives the reason."""
-LATENCY_DRIFT_RANGE = ParameterRange(
+LATENCY_CHANGE_PER_SECOND_RANGE = ParameterRange(
     -1e-3, 1e-3, "", "twice the 500 ppm by which NTP slews a clock at most (RFC 5905); quartz drifts by 100 ppm"
 )
 """Range of the change of a latency in a second, s/s; its field `source` gives the reason."""
@@ -110,9 +110,9 @@ WHITE_NOISE_RANGE_BY_KIND: Mapping[Kind, ParameterRange] = {
 
 
 def range_of_sensor_error(name: str, kind: Kind) -> ParameterRange:
-    """Return the range of an error of the sensor model (`sensor_model.Part`) for a source of a kind."""
+    """Return the range of an error of the sensor model, by its name in `sensor_model`, for a source of a kind."""
     if name == "slow":
-        return GRADE_SIGMA_RANGE if kind is Kind.ACCEL else SLOW_POSITION_SIGMA_RANGE
+        return ROAD_GRADE_ACCEL_SIGMA_RANGE if kind is Kind.ACCEL else SLOW_POSITION_SIGMA_RANGE
     return {"scale": SPEED_SCALE_RANGE, "lever": HEIGHT_ABOVE_SPEED_POINT_RANGE, "ahead": LONGITUDINAL_LEVER_ARM_RANGE}[
         name
     ]

@@ -44,7 +44,7 @@ MAX_FILTER_STATES = 23
 """Greatest number of states: the 24 of the kernel less one that the search for a latency adds."""
 
 
-Part = tuple[int, Literal["slow", "scale", "lever", "ahead"]]
+SeriesIndexAndErrorName = tuple[int, Literal["slow", "scale", "lever", "ahead"]]
 """One error: the index of its series and its name."""
 
 
@@ -80,7 +80,7 @@ class SensorModel:
     ahead: frozenset[int] = frozenset()
 
     @property
-    def modelled_errors(self) -> list[Part]:
+    def modelled_errors(self) -> list[SeriesIndexAndErrorName]:
         """All modelled errors: index of the series and name."""
         return [
             *((i, "slow") for i in sorted(self.slow)),
@@ -94,7 +94,7 @@ class SensorModel:
         """What equal models have in common; unlike the models themselves it can be looked up."""
         return tuple(sorted(self.slow.items())), self.pitch_compensated, self.scaled, self.levered, self.ahead
 
-    def without_error(self, error: Part) -> SensorModel:
+    def without_error(self, error: SeriesIndexAndErrorName) -> SensorModel:
         """Return the model without one of its errors."""
         i, name = error
         if name == "slow":

@@ -26,8 +26,8 @@ from cwcli.estimation.sensor_limits import range_of_sensor_error
 from cwcli.estimation.sensor_model import (
     LEVER_ARM_AHEAD_PRIOR_SIGMA_M,
     GaussMarkovError,
-    Part,
     SensorModel,
+    SeriesIndexAndErrorName,
     StateLayout,
     add_sensor_error_states,
     find_pitch_rate,
@@ -89,13 +89,13 @@ class FoundSensorModel:
     """
 
     model: SensorModel = field(default_factory=SensorModel)
-    status: Mapping[Part, ParameterStatus] = field(default_factory=dict)
+    status: Mapping[SeriesIndexAndErrorName, ParameterStatus] = field(default_factory=dict)
     ahead_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
-    beyond: Mapping[Part, float] = field(default_factory=dict)
+    beyond: Mapping[SeriesIndexAndErrorName, float] = field(default_factory=dict)
 
     def mark_forward_arms_unobservable(self, series: Sequence[int]) -> FoundSensorModel:
         """Return the result with the lever arms ahead of some series marked as not observable."""
-        parts: list[Part] = [(i, "ahead") for i in series]
+        parts: list[SeriesIndexAndErrorName] = [(i, "ahead") for i in series]
         model = replace(self.model, ahead=self.model.ahead - set(series))
         return replace(
             self, model=model, status={**self.status, **dict.fromkeys(parts, ParameterStatus.NOT_OBSERVABLE)}
@@ -395,9 +395,9 @@ def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -
 
 def _drop_errors_beyond_limits_and_list_them(
     trials: _SensorModelTrials, trial: _SensorModelTrial
-) -> tuple[_SensorModelTrial, dict[Part, float]]:
+) -> tuple[_SensorModelTrial, dict[SeriesIndexAndErrorName, float]]:
     """Leave out every error that is beyond what such a sensor can have, until none is; returns what they were."""
-    beyond: dict[Part, float] = {}
+    beyond: dict[SeriesIndexAndErrorName, float] = {}
     while found := {
         part: value
         for part in trial.model.modelled_errors
@@ -413,7 +413,7 @@ def _drop_errors_beyond_limits_and_list_them(
     return trial, beyond
 
 
-def _reported_value_or_sigma_of_error(trial: _SensorModelTrial, part: Part) -> float:
+def _reported_value_or_sigma_of_error(trial: _SensorModelTrial, part: SeriesIndexAndErrorName) -> float:
     """Of a slow error its sigma, of another its value, as they are reported."""
     i, name = part
     if name == "slow":
@@ -423,7 +423,7 @@ def _reported_value_or_sigma_of_error(trial: _SensorModelTrial, part: Part) -> f
     return float(trial.state[state]) + (name == "scale") if state >= 0 else float("nan")
 
 
-def _observability_of_error(trial: _SensorModelTrial, part: Part) -> ParameterStatus:
+def _observability_of_error(trial: _SensorModelTrial, part: SeriesIndexAndErrorName) -> ParameterStatus:
     """Return whether the log narrowed the prior of an error's parameter: USED or NOT_OBSERVABLE."""
     i, name = part
     s = trial.layout.series[i]

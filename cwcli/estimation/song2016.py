@@ -44,7 +44,7 @@ JERK_ROOT_SPECTRAL_DENSITY = 0.2
 """Root of the jerk's spectral density, m/s^3 per root Hz. Chosen: see `process_noise_covariance`."""
 YAW_ACCEL_ROOT_SPECTRAL_DENSITY = 0.02
 """Root of the yaw acceleration's spectral density, rad/s^2 per root Hz. Chosen: see `process_noise_covariance`."""
-SLOPE_WINDOW_SAMPLES = 8
+DERIVATIVE_SLOPE_WINDOW_SAMPLES = 8
 """Number of samples (0.35 s) whose least-squares slope gives jerk and yaw acceleration.
 
 The paper says that they are "computed from the measured" values, not how. Chosen on the paper's drives: with 0.2 s the
@@ -167,7 +167,7 @@ def estimate_track_with_song2016(
 def append_jerk_and_yaw_acceleration(
     state: FloatArray, covariance: FloatArray, steps: Int64Array, step_s: float = SAMPLING_TIME_S
 ) -> tuple[FloatArray, FloatArray]:
-    """Add the jerk and the yaw acceleration that eq. 10 needs: see `SLOPE_WINDOW_SAMPLES`.
+    """Add the jerk and the yaw acceleration that eq. 10 needs: see `DERIVATIVE_SLOPE_WINDOW_SAMPLES`.
 
     Their covariance is that of a slope through values with independent errors. Where fewer steps lie in a row before
     (at the start, after a pause) they are 0 with the variance of an unknown state.
@@ -178,11 +178,11 @@ def append_jerk_and_yaw_acceleration(
     Returns:
         Shapes (n, 8) and (n, 8, 8), order `vehicle_state.STATE_NAMES`.
     """
-    n, before = len(state), SLOPE_WINDOW_SAMPLES - 1
+    n, before = len(state), DERIVATIVE_SLOPE_WINDOW_SAMPLES - 1
     is_known = np.zeros(n, np.bool_)
     is_known[before:] = steps[before:] - steps[: max(n - before, 0)] == before
     more_state = np.column_stack([trailing_slope(state[:, k], step_s=step_s) for k in (ACCEL, YAW_RATE)])
-    weights = least_squares_slope_weights(SLOPE_WINDOW_SAMPLES, step_s)
+    weights = least_squares_slope_weights(DERIVATIVE_SLOPE_WINDOW_SAMPLES, step_s)
     more = np.where(
         is_known[:, None, None],
         weights @ weights * covariance[:, DIFFERENTIATED_STATES, DIFFERENTIATED_STATES],
@@ -200,7 +200,7 @@ def least_squares_slope_weights(samples: int, step_s: float) -> FloatArray:
 
 
 def trailing_slope(
-    values: FloatArray, samples: int = SLOPE_WINDOW_SAMPLES, *, step_s: float = SAMPLING_TIME_S
+    values: FloatArray, samples: int = DERIVATIVE_SLOPE_WINDOW_SAMPLES, *, step_s: float = SAMPLING_TIME_S
 ) -> FloatArray:
     """Return the least-squares slope per second over the last `samples` values, (n,); 0 until there are so many."""
     slope = np.zeros_like(values)

@@ -27,7 +27,7 @@ from cwcli.signals.units import NS_PER_S
 
 MIN_CLOCK_STEP_S = 0.3
 """Least step or offset of a clock, s. Chosen above the delays of usual links; the search for latencies finds less."""
-MIN_STEP_ROWS, MIN_STEP_SPAN_S = 10, 3.0
+MIN_ROWS_BESIDE_CLOCK_STEP, MIN_TIME_BESIDE_CLOCK_STEP_S = 10, 3.0
 """Least number of rows and least time (s) on either side of a step for which a delay has to last. Chosen: a recorder
 that stalls catches up sooner."""
 MAX_TRANSMISSION_DELAY_S = 30.0
@@ -152,7 +152,7 @@ def _clock_rate_or_nan(m: Measurements) -> float:
 
     It is from medians over a tenth of the rows, which steps and pauses do not change.
     """
-    if len(m) < 2 * MIN_STEP_ROWS:
+    if len(m) < 2 * MIN_ROWS_BESIDE_CLOCK_STEP:
         return float("nan")
     order = np.argsort(m.received_ns, kind="stable")
     lag = len(m) // 10
@@ -175,7 +175,7 @@ def _replace_coarse_stamps_and_note(
     notes: dict[str, str] = {}
     for m in measurements:
         stamped = m
-        if m.source not in trusted and len(m) >= 2 * MIN_STEP_ROWS and not m.is_exact:
+        if m.source not in trusted and len(m) >= 2 * MIN_ROWS_BESIDE_CLOCK_STEP and not m.is_exact:
             spread = _spread_rows_of_equal_stamp_and_step_s(m) if (m.received_ns == m.stamp_ns).all() else None
             if spread is not None:
                 stamped = spread[0]
@@ -189,7 +189,7 @@ def _replace_coarse_stamps_and_note(
             log_ns, stamp_ns = m.received_ns[order], m.stamp_ns[order]
             is_equal = np.diff(stamp_ns) == 0
             is_coarse = is_equal.mean() >= MIN_EQUAL_STAMP_SHARE and (np.diff(log_ns)[is_equal] > 0).mean() > 0.9
-            if is_coarse and len(sort_distinct_values(stamp_ns)) > MIN_STEP_ROWS:
+            if is_coarse and len(sort_distinct_values(stamp_ns)) > MIN_ROWS_BESIDE_CLOCK_STEP:
                 step_s = median_of_finite_values(np.diff(sort_distinct_values(stamp_ns))) / NS_PER_S
                 least_ns = int((log_ns - stamp_ns).min())
                 notes[m.source] = (
@@ -209,7 +209,7 @@ def _spread_rows_of_equal_stamp_and_step_s(m: Measurements) -> tuple[Measurement
     theirs with another value, and all stamps are whole multiples of one step.
     """
     stamp_ns, first, size = np.unique(m.stamp_ns, return_index=True, return_counts=True)
-    if len(stamp_ns) <= MIN_STEP_ROWS or not (np.diff(m.stamp_ns) >= 0).all():
+    if len(stamp_ns) <= MIN_ROWS_BESIDE_CLOCK_STEP or not (np.diff(m.stamp_ns) >= 0).all():
         return None
     is_equal = np.diff(m.stamp_ns) == 0
     is_new = (np.diff(m.values, axis=0) != 0.0).any(axis=1)
@@ -242,7 +242,7 @@ def notes_on_hidden_clock_steps(measurements: Sequence[Measurements], sources: S
 def _clock_of_source_or_none(own: Sequence[Measurements]) -> SourceClock | None:
     """Return the delays of a source by the quantity with the most rows; None with too few rows."""
     m = max(own, key=len)
-    if len(m) < 2 * MIN_STEP_ROWS:
+    if len(m) < 2 * MIN_ROWS_BESIDE_CLOCK_STEP:
         return None
     order = np.argsort(m.received_ns, kind="stable")
     log_ns, stamp_ns = m.received_ns[order], m.stamp_ns[order]
@@ -257,10 +257,10 @@ def _find_clock_steps(log_ns: Int64Array, stamp_ns: Int64Array, delay_s: FloatAr
         return []
     stamp_step_s, log_step_s = np.diff(stamp_ns) / NS_PER_S, np.diff(log_ns) / NS_PER_S
     usual_s = median_of_finite_values(log_step_s)
-    reach = max(MIN_STEP_ROWS, int(np.ceil(MIN_STEP_SPAN_S / max(usual_s, 1e-3))))
+    reach = max(MIN_ROWS_BESIDE_CLOCK_STEP, int(np.ceil(MIN_TIME_BESIDE_CLOCK_STEP_S / max(usual_s, 1e-3))))
     found = []
     for k in jumps.tolist():
-        if min(k, len(log_ns) - k) < MIN_STEP_ROWS:
+        if min(k, len(log_ns) - k) < MIN_ROWS_BESIDE_CLOCK_STEP:
             continue
         before, after = delay_s[max(k - reach, 0) : k], delay_s[k : k + reach]
         change_s = median_of_finite_values(after) - median_of_finite_values(before)

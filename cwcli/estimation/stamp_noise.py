@@ -57,7 +57,7 @@ MIN_POSITION_ROWS = 50
 FIX_INTERVAL_FOR_SPEED_S = 2.0
 """Time between two fixes from which a speed is taken, s. Chosen so that their distance exceeds the noise."""
 
-Point = tuple[int | None, int, int, int]
+TrialGridSteps = tuple[int | None, int, int, int]
 """Grid steps of a trial: stamp error (None: none), total noise, jerk and yaw acceleration."""
 
 
@@ -127,7 +127,7 @@ class _StampErrorSearch:
         stated = s.noise_origin.startswith("message") and s.slow_state < 0
         # What a message states is raised only, however little it states.
         self._least = 1.0 / fit.factors[i] if stated else s.floor**2 / self._variance
-        self._scores: dict[Point, float] = {}
+        self._scores: dict[TrialGridSteps, float] = {}
         self._passes: dict[Hashable, tuple[float, FloatArray]] = {}
 
     def search_best_fit(self) -> NoiseFit:
@@ -149,7 +149,7 @@ class _StampErrorSearch:
             return self._fit
         return self._fit_at_parabola_vertex(best)
 
-    def _fit_at_parabola_vertex(self, best: Point) -> NoiseFit:
+    def _fit_at_parabola_vertex(self, best: TrialGridSteps) -> NoiseFit:
         """Return the fit at the vertex of the parabola through the best point and its neighbours in log(sigma_t).
 
         The curvature gives the sigma of the stamp error; white noise and motion are optimised at each of the three.
@@ -157,7 +157,7 @@ class _StampErrorSearch:
         stride = CLIMB_STRIDES_IN_GRID_STEPS[-1]
         while True:
             assert best[0] is not None
-            at: list[Point] = [(best[0] - stride, *best[1:]), (best[0] + stride, *best[1:])]
+            at: list[TrialGridSteps] = [(best[0] - stride, *best[1:]), (best[0] + stride, *best[1:])]
             if (
                 len(self._scores) >= MAX_FILTER_PASSES_PER_SEARCH
                 or not MIN_STAMP_SIGMA_STEP <= best[0] - stride < best[0] + stride <= MAX_STAMP_SIGMA_STEP
@@ -180,7 +180,7 @@ class _StampErrorSearch:
             return replace(self._fit, series=tuple(series))
         return self._refine_white_noise(best, Parameter(value, sigma, ParameterStatus.USED))
 
-    def _refine_white_noise(self, best: Point, error: Parameter) -> NoiseFit:
+    def _refine_white_noise(self, best: TrialGridSteps, error: Parameter) -> NoiseFit:
         """Return the fit with the likeliest white noise for a given stamp error.
 
         On the grid white noise is total noise minus the stamps' share, which is coarse where that share is large.
@@ -199,8 +199,8 @@ class _StampErrorSearch:
         return self._noise_fit_at(best, error, white)
 
     def _climb_to_best_point(
-        self, point: Point, axes: Sequence[int], strides: Sequence[int] = CLIMB_STRIDES_IN_GRID_STEPS
-    ) -> Point:
+        self, point: TrialGridSteps, axes: Sequence[int], strides: Sequence[int] = CLIMB_STRIDES_IN_GRID_STEPS
+    ) -> TrialGridSteps:
         """Climb along the axes, one after the other, to the likeliest point."""
         for stride in strides:
             has_moved = True
@@ -214,12 +214,12 @@ class _StampErrorSearch:
                             point, has_moved = other, True
         return point
 
-    def _log_likelihood_at(self, point: Point) -> float:
+    def _log_likelihood_at(self, point: TrialGridSteps) -> float:
         if point not in self._scores:
             self._scores[point] = self._total_and_row_log_likelihoods_at(point)[0]
         return self._scores[point]
 
-    def _total_and_row_log_likelihoods_at(self, point: Point) -> tuple[float, FloatArray]:
+    def _total_and_row_log_likelihoods_at(self, point: TrialGridSteps) -> tuple[float, FloatArray]:
         error = (
             NO_STAMP_ERROR
             if point[0] is None
@@ -230,7 +230,7 @@ class _StampErrorSearch:
         )
 
     def _total_and_row_log_likelihoods_with_white(
-        self, point: Point, error: Parameter, white: float
+        self, point: TrialGridSteps, error: Parameter, white: float
     ) -> tuple[float, FloatArray]:
         """Return the log-likelihood of all rows, and that of each row of the position.
 
@@ -245,12 +245,12 @@ class _StampErrorSearch:
             self._passes[key] = bounded_log_likelihood_without_inertial_sensors(gated, result), rows
         return self._passes[key]
 
-    def _white_noise_variance_factor(self, point: Point, error: Parameter) -> float:
+    def _white_noise_variance_factor(self, point: TrialGridSteps, error: Parameter) -> float:
         # What the stamps add is taken off, in the mean over the axes: a step of theirs keeps the whole.
         white = 4.0 ** (point[1] / GRID_STEPS_PER_OCTAVE) - 0.5 * error.value**2 * self._speed2 / self._variance
         return max(float(white), self._least)
 
-    def _noise_fit_at(self, point: Point, error: Parameter, white: float) -> NoiseFit:
+    def _noise_fit_at(self, point: TrialGridSteps, error: Parameter, white: float) -> NoiseFit:
         series, factors = list(self._fit.series), list(self._fit.factors)
         series[self._i] = replace(series[self._i].scale_noise_variance(white), stamp_error=error)
         factors[self._i] *= white
@@ -261,7 +261,7 @@ class _StampErrorSearch:
         return NoiseFit(tuple(series), tuple(factors), parameters)
 
 
-def _neighbouring_point(point: Point, axis: int, step: int) -> Point | None:
+def _neighbouring_point(point: TrialGridSteps, axis: int, step: int) -> TrialGridSteps | None:
     """Return the point a step away along an axis; None where the stamp error leaves its bounds."""
     neighbour = list(point)
     at = neighbour[axis]

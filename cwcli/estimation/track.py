@@ -74,7 +74,7 @@ from cwcli.estimation.prepare import (
 )
 from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.score import row_log_likelihoods
-from cwcli.estimation.sensor_model import Part
+from cwcli.estimation.sensor_model import SeriesIndexAndErrorName
 from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.estimation.slow_drift import (
     covariance_from_drifts,
@@ -539,7 +539,7 @@ def _build_source_report(
 
 
 def _parameter_at_end(
-    found: FoundSensorModel, part: Part, state_index: int, result: PassResult, offset: float
+    found: FoundSensorModel, part: SeriesIndexAndErrorName, state_index: int, result: PassResult, offset: float
 ) -> Parameter:
     """Return a constant of a source from the last filter state; `offset` is its value at state 0."""
     status = found.status.get(part, ParameterStatus.OFF)

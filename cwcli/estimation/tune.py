@@ -45,7 +45,7 @@ from cwcli.estimation.sensor_search import (
     may_show_sensor_errors,
     series_whose_forward_arm_may_be_latency,
 )
-from cwcli.estimation.trial import SEARCH_UNIT, USUAL_PASSES_PER_SEARCH
+from cwcli.estimation.trial import SEARCH_PROGRESS_UNIT_NAME, USUAL_PASSES_PER_SEARCH
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
@@ -202,7 +202,7 @@ class _ParameterSearch:
         likeliest = _correct_stamps(base, latencies.compared, likeliest=True)
         if not may_show_sensor_errors(likeliest.series):
             return latencies, FoundSensorModel()
-        with part_of_work(0.55, 0.8, SEARCH_UNIT, USUAL_PASSES_PER_SEARCH):
+        with part_of_work(0.55, 0.8, SEARCH_PROGRESS_UNIT_NAME, USUAL_PASSES_PER_SEARCH):
             found = find_sensor_errors(self._estimate_noise_roughly(likeliest))
         if found.model.modelled_errors and None in self._predetermined:
             with part_of_work(0.8, 0.95):

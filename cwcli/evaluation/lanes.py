@@ -38,7 +38,7 @@ PREVIEW_METRICS = (
 EVALUATED_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
 """Distances ahead, m, at which boundaries are compared with the truth of a rendered road. Chosen by hand."""
 
-Image = tuple[float, float, float, float]
+SearchedAndCameraImageSizePx = tuple[float, float, float, float]
 """Width and height of the searched image, then of the camera's image, px."""
 
 
@@ -149,7 +149,7 @@ def _add_tusimple_scores(
 
 
 def _boundary_columns_px(
-    drawn: BoundaryLines, rows_px: FloatArray, sizes: Image, lens: Camera | None = None
+    drawn: BoundaryLines, rows_px: FloatArray, sizes: SearchedAndCameraImageSizePx, lens: Camera | None = None
 ) -> FloatArray:
     """Return the columns (2, h) of both boundaries in the camera's image at rows from the top; NaN beyond their ends.
 
@@ -167,7 +167,7 @@ def _boundary_columns_px(
 
 
 def _boundary_columns_through_lens_px(
-    lens: Camera, drawn: BoundaryLines, rows_px: FloatArray, sizes: Image
+    lens: Camera, drawn: BoundaryLines, rows_px: FloatArray, sizes: SearchedAndCameraImageSizePx
 ) -> FloatArray:
     """Return `_boundary_columns_px` for a rectified image: its points are distorted by the lens and joined by straight
     lines."""

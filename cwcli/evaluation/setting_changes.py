@@ -19,9 +19,9 @@ from cwcli.toml_text import parse_toml
 
 CALIBRATION_KEY = "calibration"
 """Entry of a run's record that holds the calibration file, and the name under which its constants are listed."""
-SELECTION_KEYS = ("topics",)
+CONFIGURATION_KEYS_COMPARED_AS_WHOLE = ("topics",)
 """Entries of a configuration that are compared as a whole."""
-CONSTANT_KEYS = ("status", "value", "sigma", "spread")
+COMPARED_KEYS_OF_CALIBRATED_CONSTANT = ("status", "value", "sigma", "spread")
 """Entries of a constant in a calibration file that the stages use; the others are information."""
 
 
@@ -64,7 +64,7 @@ def _iter_changed_values(
         was, now = before.get(name), after.get(name)
         if was == now and (name in before) == (name in after):
             continue
-        if isinstance(was, dict) and isinstance(now, dict) and name not in SELECTION_KEYS:
+        if isinstance(was, dict) and isinstance(now, dict) and name not in CONFIGURATION_KEYS_COMPARED_AS_WHOLE:
             yield from _iter_changed_values(was, now, f"{prefix}{name}.")
         else:
             texts = [
@@ -104,5 +104,5 @@ def _select_constants(table: Mapping[str, Any]) -> dict[str, Any]:
     return {
         name: _select_constants(value) if isinstance(value, dict) else value
         for name, value in table.items()
-        if isinstance(value, dict) or name in CONSTANT_KEYS
+        if isinstance(value, dict) or name in COMPARED_KEYS_OF_CALIBRATED_CONSTANT
     }

@@ -28,7 +28,7 @@ from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array, LatLonA
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import EGO_ID, HEADING, SPEED, X
-from cwcli.stages.summaries import NIS_CELLS, bounds_cell
+from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, bounds_cell
 
 MAX_INTERPOLATED_EGO_GAP_S = 0.5
 """Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
@@ -37,7 +37,7 @@ MIN_TRUTH_ROWS = 20
 QUANTITY_LABELS = {"position": "position on one axis"}
 """Quantity -> its label in the table of errors against a truth, where the error of the position is that on one axis;
 other tables give its distance on the plane."""
-DOF_OF_QUANTITY = {"position": 2, "speed": 1, "heading": 1}
+DEGREES_OF_FREEDOM_BY_QUANTITY = {"position": 2, "speed": 1, "heading": 1}
 """Degrees of freedom of each quantity with a NEES."""
 FIRST_STATE_OF_QUANTITY = {"position": X, "speed": SPEED, "heading": HEADING}
 """Quantity with a NEES -> index of the first of its states in the order of `STATE_NAMES`."""
@@ -94,7 +94,8 @@ def build_truth_errors_section(errors: TruthErrors) -> SummaryTable:
 def build_nees_section(errors: TruthErrors) -> SummaryTable:
     """Build the section with the NEES for the summary."""
     rows: list[tuple[Cell, ...]] = [
-        (each.name, each.per_dof, bounds_cell(*each.bounds), NIS_CELLS[each.is_within_bounds]) for each in errors.nees
+        (each.name, each.per_dof, bounds_cell(*each.bounds), NIS_CELL_BY_CONSISTENCY[each.is_within_bounds])
+        for each in errors.nees
     ]
     title = (
         "Errors over what the covariance promises (NEES, normalised estimation error squared, per degree of freedom "
@@ -119,7 +120,7 @@ def truth_error_metric_rows(errors: TruthErrors) -> list[MetricRow]:
         )
     ]
     for each in errors.nees:
-        dof = DOF_OF_QUANTITY[each.name]
+        dof = DEGREES_OF_FREEDOM_BY_QUANTITY[each.name]
         values += [
             (each.name, "nees_mean", each.per_dof * dof, ""),
             (each.name, "nees_lower", each.bounds[0] * dof, ""),
@@ -172,7 +173,7 @@ def compare_track_with_truth(
     known = np.isfinite(estimated_xy - xy).all(axis=1)
     consistency = tuple(
         _nees_of_quantity(name, estimated[name] - truth[name], covariance)
-        for name in DOF_OF_QUANTITY
+        for name in DEGREES_OF_FREEDOM_BY_QUANTITY
         if name in truth and name in estimated
     )
     doubted = [each.name for each in consistency if each.is_too_large]
@@ -194,7 +195,7 @@ def notes_on_truth_mounting(signal: PoseSignal) -> tuple[str, ...]:
 
 def _nees_of_quantity(name: str, error: FloatArray, covariance: FloatArray) -> NeesOfQuantity:
     """Compute the NEES of one quantity from its error (n,) or (n, 2) and the covariance (n, 8, 8)."""
-    first, dof = FIRST_STATE_OF_QUANTITY[name], DOF_OF_QUANTITY[name]
+    first, dof = FIRST_STATE_OF_QUANTITY[name], DEGREES_OF_FREEDOM_BY_QUANTITY[name]
     error = (wrap_angle(error) if name == "heading" else error).reshape(len(error), dof)
     known = np.isfinite(error).all(axis=1)
     if not known.any():

@@ -28,17 +28,17 @@ STATES_OF_QUANTITY = {"position": [X, Y], "speed": [SPEED], "heading": [HEADING]
 """Quantity of a truth -> its states in the order of `STATE_NAMES`; the order of this table is that of the search."""
 MAX_CLOCK_ERROR_S = 30.0
 """Largest error of a truth's clock that is searched, s. Chosen: GPS is 18 s ahead of UTC."""
-COARSE_CLOCK_STEP_S = 0.5
+COARSE_CLOCK_ERROR_SEARCH_STEP_S = 0.5
 """First step of that search, s. Chosen: a car's way bends over seconds."""
-FINE_CLOCK_STEP_S = 1e-3
+FINE_CLOCK_ERROR_SEARCH_STEP_S = 1e-3
 """Last step of that search, s. Chosen: a car drives a few centimetres in it."""
-MAX_SEARCH_ROWS = 400
+MAX_ROWS_IN_TRUTH_RULE_SEARCH = 400
 """Greatest number of rows in that search. Chosen for its duration."""
-MIN_ROWS_OF_HALF = 20
+MIN_TRUTH_ROWS_OF_HALF_LOG = 20
 """Least number of rows in each half of the log. Chosen by hand: fewer show no rule."""
 MAX_REMAINING_NEES_SHARE = 0.25
 """Greatest share of the NEES that is left where a rule holds. Chosen: the rule then makes most of the error."""
-PREFERENCE_FACTOR = 1.2
+MIN_ADVANTAGE_FACTOR_OVER_SIMPLER_RULE = 1.2
 """Factor by which a rule has to be better than an earlier, simpler one. Chosen by hand; not fitted."""
 MIN_HELD_TIME_S = 2.0
 """Least time in s for which a truth repeats one value while the track moves on. Chosen: longer than a stutter."""
@@ -151,7 +151,7 @@ def find_truth_rules(
             continue
         values = truth[quantity].reshape(len(stamp_ns), len(states))
         known = np.isfinite(values).all(axis=1)
-        if np.count_nonzero(known) < 2 * MIN_ROWS_OF_HALF:
+        if np.count_nonzero(known) < 2 * MIN_TRUTH_ROWS_OF_HALF_LOG:
             continue
         rows = _Rows(
             quantity,
@@ -184,20 +184,20 @@ def _rule_and_clock_of_quantity(rows: _Rows, clock: FloatArray | None) -> tuple[
     """
     before = rows.nees_per_dof(rows.error(rows.late_s), np.ones(len(rows.stamp_s), np.bool_))
     if clock is not None:
-        moved = CLOCK.apply(rows, clock)
+        moved = CLOCK_RULE_KIND.apply(rows, clock)
         left = moved.nees_per_dof(moved.error(moved.late_s), np.ones(len(rows.stamp_s), np.bool_))
         if left <= max(TOLERATED_VARIANCE_FACTOR, MAX_REMAINING_NEES_SHARE * before):
-            return TruthRule(CLOCK.text(clock), CLOCK.advice, left), clock
-    best, best_left = None, MAX_REMAINING_NEES_SHARE * before * PREFERENCE_FACTOR
-    for kind in KINDS:
+            return TruthRule(CLOCK_RULE_KIND.text(clock), CLOCK_RULE_KIND.advice, left), clock
+    best, best_left = None, MAX_REMAINING_NEES_SHARE * before * MIN_ADVANTAGE_FACTOR_OVER_SIMPLER_RULE
+    for kind in TRUTH_RULE_KINDS:
         if rows.quantity in kind.quantities:
             left = _held_out_nees(rows, kind)
-            if PREFERENCE_FACTOR * left < best_left:
+            if MIN_ADVANTAGE_FACTOR_OVER_SIMPLER_RULE * left < best_left:
                 best, best_left = kind, left
     if best is None:
         return None, clock
     parameters = best.fit(rows, np.ones(len(rows.stamp_s), np.bool_))
-    return TruthRule(best.text(parameters), best.advice, best_left), parameters if best is CLOCK else clock
+    return TruthRule(best.text(parameters), best.advice, best_left), parameters if best is CLOCK_RULE_KIND else clock
 
 
 def _held_out_nees(rows: _Rows, kind: _Kind) -> float:
@@ -205,7 +205,7 @@ def _held_out_nees(rows: _Rows, kind: _Kind) -> float:
     first = rows.stamp_s < np.median(rows.stamp_s)
     left = []
     for fitted in (first, ~first):
-        if np.count_nonzero(fitted) < MIN_ROWS_OF_HALF:
+        if np.count_nonzero(fitted) < MIN_TRUTH_ROWS_OF_HALF_LOG:
             return float("inf")
         without = kind.apply(rows, kind.fit(rows, fitted))
         left.append(without.nees_per_dof(without.error(without.late_s), ~fitted))
@@ -263,7 +263,7 @@ def _fit_clock_with(other: _Kind | None) -> _Fit:
     def fit(rows: _Rows, chosen: BoolArray) -> FloatArray:
         every = np.flatnonzero(chosen)
         thin = np.zeros_like(chosen)
-        thin[every[:: max(1, len(every) // MAX_SEARCH_ROWS)]] = True
+        thin[every[:: max(1, len(every) // MAX_ROWS_IN_TRUTH_RULE_SEARCH)]] = True
         few = rows.select(thin)
         all_few = np.ones(len(few.stamp_s), np.bool_)
 
@@ -273,10 +273,12 @@ def _fit_clock_with(other: _Kind | None) -> _Fit:
                 moved = other.apply(moved, other.fit(moved, all_few))
             return moved.nees_per_dof(moved.error(moved.late_s), all_few)
 
-        grid = np.arange(-MAX_CLOCK_ERROR_S, MAX_CLOCK_ERROR_S + COARSE_CLOCK_STEP_S, COARSE_CLOCK_STEP_S)
+        grid = np.arange(
+            -MAX_CLOCK_ERROR_S, MAX_CLOCK_ERROR_S + COARSE_CLOCK_ERROR_SEARCH_STEP_S, COARSE_CLOCK_ERROR_SEARCH_STEP_S
+        )
         best = float(grid[int(np.argmin([cost(each) for each in grid.tolist()]))])
-        step = 0.5 * COARSE_CLOCK_STEP_S
-        while step > FINE_CLOCK_STEP_S:
+        step = 0.5 * COARSE_CLOCK_ERROR_SEARCH_STEP_S
+        while step > FINE_CLOCK_ERROR_SEARCH_STEP_S:
             best = min((best, best - step, best + step), key=cost)
             step *= 0.5
         return np.append(best, [] if other is None else other.fit(_later(rows, best), chosen))
@@ -303,7 +305,7 @@ def _clock_and(other: _Kind) -> _Kind:
         _fit_clock_with(other),
         _without_clock_and(other),
         lambda parameters: f"{_clock_text(parameters)}, and {other.text(parameters[1:])}",
-        f"{CLOCK.advice} {other.advice}",
+        f"{CLOCK_RULE_KIND.advice} {other.advice}",
     )
 
 
@@ -382,7 +384,7 @@ def _without_held(rows: _Rows, _: FloatArray) -> _Rows:
     return _with_truth(rows, np.where(_held_mask(rows)[:, None], np.nan, rows.truth))
 
 
-CLOCK = _Kind(
+CLOCK_RULE_KIND = _Kind(
     ("position", "speed", "heading"),
     _fit_clock_with(None),
     _without_clock_and(None),
@@ -390,7 +392,7 @@ CLOCK = _Kind(
     "Check the truth's clock against those of the sensors.",
 )
 """Another clock; it comes first, because it holds for all quantities."""
-POINT = _Kind(
+REFERENCE_POINT_RULE_KIND = _Kind(
     ("position",),
     _fit_linear(_point_columns),
     _without_linear(_point_columns),
@@ -398,7 +400,7 @@ POINT = _Kind(
     "Give the mounting of the position's sensor with --lever-arm, or take a truth of the same point.",
 )
 """Another point of the car."""
-DATUM = _Kind(
+MAP_OFFSET_RULE_KIND = _Kind(
     ("position",),
     _fit_linear(_datum_columns),
     _without_linear(_datum_columns),
@@ -406,7 +408,7 @@ DATUM = _Kind(
     "Check the datum and the origin of the truth and of the fixes.",
 )
 """An offset on the map."""
-KINDS = (
+TRUTH_RULE_KINDS = (
     _Kind(
         ("position",),
         _fit_held,
@@ -414,9 +416,9 @@ KINDS = (
         lambda held_s: f"repeats one value for {held_s[0]:.0f} s while the car moves on",
         "Leave that part out with --start and --end, or take another truth.",
     ),
-    CLOCK,
-    POINT,
-    DATUM,
+    CLOCK_RULE_KIND,
+    REFERENCE_POINT_RULE_KIND,
+    MAP_OFFSET_RULE_KIND,
     _Kind(
         ("position",),
         _fit_linear(_map_columns),
@@ -424,8 +426,8 @@ KINDS = (
         _map_text,
         "Check the projection of the truth's positions.",
     ),
-    _clock_and(POINT),
-    _clock_and(DATUM),
+    _clock_and(REFERENCE_POINT_RULE_KIND),
+    _clock_and(MAP_OFFSET_RULE_KIND),
     _Kind(
         ("speed",),
         _fit_linear(_speed_columns),

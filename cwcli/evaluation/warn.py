@@ -41,7 +41,7 @@ from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.lane_departure import LANE_DEPARTURE_RULE_NAME as LANE_DEPARTURE
 from cwcli.warning.types import WarningConfig
 
-TEXT_BY_SCORE_COLUMN = {
+TERMINAL_HEADING_BY_SCORE_COLUMN = {
     "n_events": "warnings",
     "n_true": "true warnings",
     "n_late": "late warnings",
@@ -106,7 +106,7 @@ def _judge_rule_outcome(found: FoundWarnings, outcome: RuleOutcome, actual: Mapp
     )
     ((_, *counts),) = (row.items() for row in scored.scores.rows_as_dicts())
     cells = tuple(
-        (CellWithValues(TEXT_BY_SCORE_COLUMN[name], {"": name.removeprefix("n_").replace("_", " ")}), value)
+        (CellWithValues(TERMINAL_HEADING_BY_SCORE_COLUMN[name], {"": name.removeprefix("n_").replace("_", " ")}), value)
         for name, value in counts
     )
     sections = (

@@ -12,9 +12,9 @@ from cwcli.events.evidence import EventEvidence
 from cwcli.events.own_path import PROJECTION_TIME_STEP_S, rows_one_grid_step_apart
 from cwcli.signals.columns import FloatArray
 
-MIN_SHIFT_M, MAX_SHIFT_M = 2.4, 4.6
+MIN_LATERAL_SHIFT_OF_LANE_CHANGE_M, MAX_LATERAL_SHIFT_OF_LANE_CHANGE_M = 2.4, 4.6
 """Least and greatest distance between the old and the new lane, m: lanes are 2.75 m to 3.75 m wide."""
-MIN_CHANGE_S, MAX_CHANGE_S = 1.5, 10.0
+MIN_LANE_CHANGE_DURATION_S, MAX_LANE_CHANGE_DURATION_S = 1.5, 10.0
 """Least and greatest duration of a lane change, s (Toledo and Zohar 2007: 1 s to 13 s, mean 4.6 s)."""
 MIN_LANE_CHANGE_SPEED_MPS = 4.0
 """Slower than this a car parks or evades, m/s. Chosen by hand."""
@@ -43,7 +43,7 @@ def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
 def _iter_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
     rows = rows_one_grid_step_apart(evidence.stamp_ns)
     stamp_ns, state = evidence.stamp_ns[rows], evidence.ego_state[rows]
-    if len(rows) < MIN_CHANGE_S / PROJECTION_TIME_STEP_S:
+    if len(rows) < MIN_LANE_CHANGE_DURATION_S / PROJECTION_TIME_STEP_S:
         return
     speed_mps = state[:, 2]
     turned_rad = np.diff(np.unwrap(state[:, 3]))
@@ -68,7 +68,7 @@ def _iter_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
         aside_m = _lateral_displacement_m(turned_rad[first : last + 1], speed_mps[first : last + 1])
         shift_m = float(aside_m[-1])
         if (
-            not MIN_SHIFT_M <= abs(shift_m) <= MAX_SHIFT_M
+            not MIN_LATERAL_SHIFT_OF_LANE_CHANGE_M <= abs(shift_m) <= MAX_LATERAL_SHIFT_OF_LANE_CHANGE_M
             or speed_mps[first : last + 1].min() < MIN_LANE_CHANGE_SPEED_MPS
         ):
             continue
@@ -76,7 +76,7 @@ def _iter_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
         begin = first + int(np.argmax(share >= LANE_CHANGE_EDGE_DISTANCE_SHARE))
         end = last - int(np.argmax(share[::-1] <= 1.0 - LANE_CHANGE_EDGE_DISTANCE_SHARE))
         duration_s = (end - begin) * PROJECTION_TIME_STEP_S
-        if MIN_CHANGE_S <= duration_s <= MAX_CHANGE_S:
+        if MIN_LANE_CHANGE_DURATION_S <= duration_s <= MAX_LANE_CHANGE_DURATION_S:
             last_end = last
             side = "to the left" if shift_m > 0.0 else "to the right"
             span = int(stamp_ns[begin]), int(stamp_ns[end])
@@ -124,7 +124,8 @@ def _split_into_lobes(turned_rad: FloatArray) -> list[tuple[int, int, float]]:
 EVENT = EventKind(
     summary="the ego changes the lane",
     value_name="shift_m",
-    threshold=f"{MIN_SHIFT_M:g} m to {MAX_SHIFT_M:g} m aside in {MIN_CHANGE_S:g} s to {MAX_CHANGE_S:g} s",
+    threshold=f"{MIN_LATERAL_SHIFT_OF_LANE_CHANGE_M:g} m to {MAX_LATERAL_SHIFT_OF_LANE_CHANGE_M:g} m aside in "
+    f"{MIN_LANE_CHANGE_DURATION_S:g} s to {MAX_LANE_CHANGE_DURATION_S:g} s",
     source="widths of lanes; Toledo and Zohar 2007",
     needs="states",
     find=find_lane_changes,

@@ -16,7 +16,7 @@ PROJECTION_TIME_STEP_S = 0.1
 """Step of the times at which others are projected, s. Chosen by hand: a third of the accuracy of an event's start."""
 DRIVEN_WAY_POINT_SPACING_M = 1.0
 """Distance of the points of the driven way, m. Chosen by hand: the way between them is straight."""
-BEHIND_M, AHEAD_M = 40.0, 100.0
+PROJECTED_DISTANCE_BEHIND_M, PROJECTED_DISTANCE_AHEAD_M = 40.0, 100.0
 """How far behind and ahead of the ego others are projected on its way, m. Chosen by hand."""
 MAX_RANGE_OF_PROJECTED_OTHERS_M = 120.0
 """Others farther away than this are not projected, m. Chosen by hand."""
@@ -121,7 +121,8 @@ class DrivenWay:
     def project_and_find_passing_ns(self, theirs: FloatArray, ego_along_m: FloatArray) -> tuple[FloatArray, Int64Array]:
         """Project states (m, 4) on the way near the ego: (ahead, left, turn), (3, m), and when the ego is there."""
         reach = np.arange(
-            -round(BEHIND_M / DRIVEN_WAY_POINT_SPACING_M), round(AHEAD_M / DRIVEN_WAY_POINT_SPACING_M) + 1
+            -round(PROJECTED_DISTANCE_BEHIND_M / DRIVEN_WAY_POINT_SPACING_M),
+            round(PROJECTED_DISTANCE_AHEAD_M / DRIVEN_WAY_POINT_SPACING_M) + 1,
         )
         points = np.clip(
             np.round(ego_along_m / DRIVEN_WAY_POINT_SPACING_M).astype(int)[:, None] + reach, 0, len(self.along_m) - 1

@@ -43,11 +43,11 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.text import format_number
 
-EXPRESSION_NAME = "expression"
+EVENT_NAME_OF_EXPRESSION = "expression"
 """The name of the event in the results of an expression."""
 ALL_EVENTS_NAME = "all"
 """The word for every named event but those that are parts of another one."""
-EVENTS_WITHIN_WARNING = ("warning-true", "warning-late", "warning-false", "warning-undecided")
+EVENT_NAMES_FOUND_BY_WARNING = ("warning-true", "warning-late", "warning-false", "warning-undecided")
 """Events that `warning` finds too."""
 EVENT_ID_HEX_DIGITS = 12
 """Length of an id, hexadecimal digits: two of a million events are equal with a probability of 0.2 %."""
@@ -61,7 +61,7 @@ class FoundEvent:
 
     Attributes:
         id: The same for the same event in every run over the same log, and in a clip of it.
-        event: Name of the event, or `EXPRESSION_NAME`.
+        event: Name of the event, or `EVENT_NAME_OF_EXPRESSION`.
         start_s: From the log's start, s.
         value_name: What the value is, with its unit.
     """
@@ -125,7 +125,7 @@ def parse_query(text: str) -> Query:
     """
     names = tuple(EVENTS)
     if text.strip() == ALL_EVENTS_NAME:
-        every = tuple(name for name in names if name not in EVENTS_WITHIN_WARNING)
+        every = tuple(name for name in names if name not in EVENT_NAMES_FOUND_BY_WARNING)
         return Query(text, AndOr(tuple(map(EventName, every)), is_and=False), every, is_all=True)
     node = parse_expression(text, names)
     for comparison in _iter_comparisons(node):
@@ -150,7 +150,7 @@ def find_events_in_log(
     if query.events is None:
         value_name = _name_of_value(query.node)
         found += [
-            _found_event(key, name, log, EXPRESSION_NAME, each, value_name)
+            _found_event(key, name, log, EVENT_NAME_OF_EXPRESSION, each, value_name)
             for each in _iter_moments_where_true(evidence, query)
         ]
     for event in query.events or ():

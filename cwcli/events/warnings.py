@@ -18,7 +18,7 @@ from cwcli.evaluation.conflicts import (
 from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import EventEvidence
 
-NO_VERDICT = "no verdict"
+VERDICT_OF_WARNING_WITHOUT_TRACK = "no verdict"
 """The verdict on a warning about something without a track, such as a lane boundary."""
 
 
@@ -30,7 +30,7 @@ def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterat
             "verdicts on warnings need the states of both", where=evidence.log.name, hint="run `cwcli run` on it first"
         )
     for warning in evidence.warnings:
-        kind, lead_s, closest_m = NO_VERDICT, np.nan, np.nan
+        kind, lead_s, closest_m = VERDICT_OF_WARNING_WITHOUT_TRACK, np.nan, np.nan
         if outcomes is not None and warning.other_id in outcomes.pairs:
             conflicts, pair = outcomes.conflicts[warning.other_id], outcomes.pairs[warning.other_id]
             outcome = judge_warning(warning.raised_ns, warning.last_ns, conflicts, pair, outcomes.config)
@@ -51,7 +51,7 @@ def _describe_verdict(rule: str, verdict: str, lead_s: float) -> str:
         VERDICT_LATE: "during the conflict, too late",
         VERDICT_FALSE: "no conflict followed: a false warning",
         VERDICT_UNDECIDED: "the other was not seen for long enough to judge it",
-        NO_VERDICT: "not judged: what it warns of has no track",
+        VERDICT_OF_WARNING_WITHOUT_TRACK: "not judged: what it warns of has no track",
     }
     return f"rule {rule}, {described[verdict]}"
 

@@ -37,7 +37,7 @@ from cwcli.text import join_names
 
 MAX_VEHICLES_IN_ERROR = 10
 """Greatest number of vehicles that an error names. Chosen by hand."""
-EGO_AND_OTHERS = ("ego", "remote", "targets")
+CONTENTS_OF_ALL_VEHICLES = ("ego", "remote", "targets")
 """Contents that a format for all vehicles takes together, if the log has them."""
 
 
@@ -68,8 +68,8 @@ EXPORT_CONTENTS = {
 def content_names_of_ego_and_others(log: Log) -> list[str]:
     """Names of the contents of the ego and of all other vehicles that the log holds; at least the ego's."""
     topics_of_log = {channel.topic for channel in log.channels if channel.message_count}
-    return [what for what in EGO_AND_OTHERS if EXPORT_CONTENTS[what].channel.topic in topics_of_log] or [
-        EGO_AND_OTHERS[0]
+    return [what for what in CONTENTS_OF_ALL_VEHICLES if EXPORT_CONTENTS[what].channel.topic in topics_of_log] or [
+        CONTENTS_OF_ALL_VEHICLES[0]
     ]
 
 

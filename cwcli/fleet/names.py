@@ -7,7 +7,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
-from cwcli.url import HIDDEN
+from cwcli.url import HIDDEN_URL_PART_TEXT
 
 MAX_FILE_NAME_CHARACTERS = 80
 """Longest name in characters; chosen by hand."""
@@ -101,7 +101,11 @@ def _folders_and_stem(source: str) -> list[str]:
     """Split a source into its folders and stem, without empty parts and hidden secrets."""
     digest = ""
     if "://" in source:  # as `display_name_of_url` shows it: user and signature are no part of the name
-        source, _, rest = source.replace(f"{HIDDEN}@", "").replace(f"#{HIDDEN}", "").partition(f"?{HIDDEN}")
+        source, _, rest = (
+            source.replace(f"{HIDDEN_URL_PART_TEXT}@", "")
+            .replace(f"#{HIDDEN_URL_PART_TEXT}", "")
+            .partition(f"?{HIDDEN_URL_PART_TEXT}")
+        )
         digest = f"-{rest[2:-1]}" if rest else ""
     *folders, name = source.replace("\\", "/").rstrip("/").split("/")
     stem = name[: -len(".mcap")] if name.lower().endswith(".mcap") and len(name) > len(".mcap") else name

@@ -26,7 +26,13 @@ from cwcli.fleet.tables import METRICS_TABLE, TABLE_FILE_SUFFIX
 from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import COLUMNS_MISSING_IN_EARLIER_VERSIONS, METRICS_TABLE_COLUMNS
-from cwcli.metrics.pooling import POOLED_ID, LogMetrics, MetricRow, metric_rows_by_name, notes_from_metadata
+from cwcli.metrics.pooling import (
+    LOG_ID_OF_ALL_LOGS_POOLED,
+    LogMetrics,
+    MetricRow,
+    metric_rows_by_name,
+    notes_from_metadata,
+)
 from cwcli.metrics.table import Table, TableColumn
 from cwcli.url import display_name_of_url
 
@@ -330,7 +336,7 @@ def _metrics_of_table(path: Path) -> list[LogMetrics]:
     return [
         LogMetrics(name, metric_rows_by_name(table))
         for name, table in _iter_log_ids_and_tables(path)
-        if name != POOLED_ID
+        if name != LOG_ID_OF_ALL_LOGS_POOLED
     ]
 
 

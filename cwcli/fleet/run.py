@@ -58,7 +58,7 @@ from cwcli.output import make_folder, refuse_unwritable_targets
 from cwcli.pipeline.selection import check_selection_options
 from cwcli.url import display_name_of_url
 
-Report = Callable[[LogTask | None, str, int, int], None]
+ReportTaskStatus = Callable[[LogTask | None, str, int, int], None]
 """Called with a task, its status, the number of ended logs and of all."""
 TaskRunner = Callable[
     [list[tuple[LogTask, FileState]], list[LogTask]], Generator[tuple[LogTask, "TaskResult | WorkerDied"]]
@@ -95,7 +95,7 @@ def run_fleet(
     jobs: int | None = None,
     ray: str | None = None,
     force: bool = False,
-    report: Report = lambda task, status, done, total: None,
+    report: ReportTaskStatus = lambda task, status, done, total: None,
 ) -> FleetResult:
     """Run a pipeline on every log, and record the result of each.
 
@@ -137,7 +137,7 @@ def _run_into_folder(
     folder: Path,
     run_tasks: TaskRunner,
     force: bool,
-    report: Report,
+    report: ReportTaskStatus,
     after_begin: Callable[[], None] = lambda: None,
 ) -> FleetResult:
     """Run a pipeline on every log, as `run_fleet`, into a folder of this machine.

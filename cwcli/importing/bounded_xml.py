@@ -23,11 +23,11 @@ MAX_ELEMENTS_INSIDE_KEPT_ONE = 10_000
 MAX_BYTES_WITHOUT_TAG = 16_000_000
 """The greatest number of bytes without the begin or end of an element. Chosen by hand."""
 
-Event = tuple[str, ElementTree.Element]
+XmlTagEvent = tuple[str, ElementTree.Element]
 """`start` or `end`, and the element."""
 
 
-def iter_xml_events(path: str, wanted_tags: Collection[str]) -> Iterator[Event]:
+def iter_xml_events(path: str, wanted_tags: Collection[str]) -> Iterator[XmlTagEvent]:
     """Yield the begin and the end of each element.
 
     Args:
@@ -76,7 +76,7 @@ class _BoundedTree:
         self._depth_of_kept: int | None = None
         self._n_held = 0
 
-    def iter_passed(self, event: Event) -> Iterator[Event]:
+    def iter_passed(self, event: XmlTagEvent) -> Iterator[XmlTagEvent]:
         """Yield the event; behind the end of an element, take it out of the tree unless one around it is kept."""
         kind, element = event
         if kind == "start":
@@ -109,7 +109,7 @@ class _BoundedTree:
             raise InputError("its elements are nested too deep, or one has too many", where=self._path)
 
 
-def _iter_xml_events(parser: ElementTree.XMLPullParser[ElementTree.Element]) -> Iterator[Event]:
+def _iter_xml_events(parser: ElementTree.XMLPullParser[ElementTree.Element]) -> Iterator[XmlTagEvent]:
     found: Any
     for found in parser.read_events():
         yield found[0], found[1]

@@ -23,7 +23,7 @@ from cwcli.importing.cells import (
 )
 from cwcli.importing.names import QUANTITIES, quantities_of_name, split_name
 from cwcli.importing.position_pairs import with_columns_of_position_pairs
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable
+from cwcli.importing.tables import Answers, ColumnsOfRows, Question, SourceTable
 from cwcli.importing.times import (
     Instants,
     TextTimes,
@@ -349,7 +349,7 @@ def _count_commas_points_and_thousands_marks(texts: ArrowArray) -> tuple[int, in
     return n_comma, n_point, n_comma_thousands, n_point_thousands
 
 
-def _ask_about_thousands_separators(batch: Batch, table: SourceTable) -> None:
+def _ask_about_thousands_separators(batch: ColumnsOfRows, table: SourceTable) -> None:
     """Ask where one mark stands before three digits in one column, and another column has decimals behind the other.
 
     Raises:

@@ -30,7 +30,7 @@ MAX_ROAD_ALTITUDE_M = 9000.0
 """Greatest altitude of a road, m; larger numbers are in another unit. No public road lies above 6,000 m."""
 MIN_XY_EXTENT_OF_METRES_M = 0.5
 """Least extent of x and y, m, within a minute or more; columns of a smaller one may hold degrees. Chosen by hand."""
-MAX_SWAPPED_ERROR_DEG, MIN_STRAIGHT_ERROR_DEG = 10.0, 30.0
+MAX_COURSE_ERROR_OF_SWAPPED_POSITIONS_DEG, MIN_COURSE_ERROR_OF_UNSWAPPED_POSITIONS_DEG = 10.0, 30.0
 """Median angles to the stated course, with latitude and longitude swapped and as they are, that show a swap. Chosen by
 hand; not fitted."""
 MIN_MOVING_SPANS_TO_COMPARE_ANGLES = 10
@@ -319,9 +319,12 @@ def ask_if_latitude_longitude_swapped(meaning: Meaning, course_deg: FloatArray) 
     as_is = np.abs(
         heading_minus_course_of_moving_spans_rad(meaning.track, meaning.stamp_ns, np.deg2rad(90.0 - course_deg))
     )
-    if len(as_is) < MIN_MOVING_SPANS_TO_COMPARE_ANGLES or np.degrees(np.median(as_is)) < MIN_STRAIGHT_ERROR_DEG:
+    if (
+        len(as_is) < MIN_MOVING_SPANS_TO_COMPARE_ANGLES
+        or np.degrees(np.median(as_is)) < MIN_COURSE_ERROR_OF_UNSWAPPED_POSITIONS_DEG
+    ):
         return
-    if swapped_course_error_deg(meaning, course_deg) < MAX_SWAPPED_ERROR_DEG:
+    if swapped_course_error_deg(meaning, course_deg) < MAX_COURSE_ERROR_OF_SWAPPED_POSITIONS_DEG:
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
         meaning.add_question(
             "the course fits the positions only with latitude and longitude swapped",

@@ -8,7 +8,7 @@ from typing import Any
 
 from cwcli.importing.cells import is_text_column, trimmed_texts_or_null
 from cwcli.importing.names import split_name
-from cwcli.importing.tables import Batch, Preset, SourceTable
+from cwcli.importing.tables import ColumnsOfRows, Preset, SourceTable
 
 _NUMBER = r"[+-]?\d{1,3}(?:\.\d+)?"
 _ANGLE = r"\d{1,3}\s*(?:°|deg|\s)\s*\d{1,2}(?:\.\d*)?\s*['\x{2032}]?\s*(?:\d{1,2}(?:\.\d*)?\s*(?:[\"\x{2033}]|'')?)?"
@@ -62,7 +62,7 @@ def _pattern_of_pairs(column: str, array: Any) -> tuple[str, str] | None:
 def _split_column(table: SourceTable, column: str, why: str, pattern: str) -> SourceTable:
     names = {f"{column} (latitude)": "lat", f"{column} (longitude)": "lon"}
 
-    def read_column_batches(wanted: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(wanted: Sequence[str]) -> Iterator[ColumnsOfRows]:
         import pyarrow.compute as pc
 
         plain = [name for name in dict.fromkeys(wanted) if name not in names]

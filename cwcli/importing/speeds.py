@@ -27,13 +27,13 @@ SPEED_UNITS = ("mps", "kmh", "mph", "knots")
 MAX_LOG_RATIO_OF_STATED_SPEED = 0.25
 """Largest natural logarithm of the ratio of a speed in its stated unit to the speed over ground, above which is asked.
 Chosen by hand."""
-MIN_UNEVEN, MAX_EVEN_SHARE = 0.02, 0.4
+MIN_SPEED_RATIO_SPREAD_OF_SWAPPED_POSITIONS, MAX_SPREAD_SHARE_AFTER_SWAP = 0.02, 0.4
 """Least spread of the logarithm of the ratio of a speed to the way, and largest share of it with the places swapped,
 that show a swap. Chosen by hand; not fitted."""
 MAX_ANGLE_WITHOUT_FULL_TURNS_DEG = 361.0
 """Greatest size of an angle in degrees that does not count full turns. Larger ones count turns, or are hundredths of a
 degree, as MAVLink has them."""
-GOOD_FIT_DEG, POOR_FIT_DEG = 12.0, 25.0
+MAX_MEDIAN_ANGLE_OF_FITTING_HEADING_DEG, MIN_MEDIAN_ANGLE_OF_UNFIT_HEADING_DEG = 12.0, 25.0
 """Median angles in degrees between a heading and the direction of motion: below the first its sense fits, above the
 second it does not. Chosen by hand."""
 MAX_MISFIT_DIFFERENCE_OF_EQUAL_SENSES_DEG = 3.0
@@ -93,7 +93,11 @@ def _are_latitude_longitude_swapped(meaning: Meaning, values: FloatArray) -> boo
     spread = [
         speed_ratio_spread(track, meaning.stamp_ns, values) for track in (meaning.track, other) if track is not None
     ]
-    return len(spread) == 2 and spread[0] > MIN_UNEVEN and spread[1] < MAX_EVEN_SHARE * spread[0]
+    return (
+        len(spread) == 2
+        and spread[0] > MIN_SPEED_RATIO_SPREAD_OF_SWAPPED_POSITIONS
+        and spread[1] < MAX_SPREAD_SHARE_AFTER_SWAP * spread[0]
+    )
 
 
 def _choose_speed_unit_or_ask(
@@ -310,11 +314,11 @@ def _choose_sense_with_least_misfit(misfit_deg_by_sense: dict[str, float], usual
     if not misfit_deg_by_sense:
         return None
     best = min(misfit_deg_by_sense, key=lambda each: misfit_deg_by_sense[each])
-    if misfit_deg_by_sense[best] > POOR_FIT_DEG:
+    if misfit_deg_by_sense[best] > MIN_MEDIAN_ANGLE_OF_UNFIT_HEADING_DEG:
         return None
     if usual_sense in misfit_deg_by_sense and misfit_deg_by_sense[usual_sense] <= max(
         misfit_deg_by_sense[best] + MAX_MISFIT_DIFFERENCE_OF_EQUAL_SENSES_DEG,
-        min(GOOD_FIT_DEG, misfit_deg_by_sense[best] * 1.5),
+        min(MAX_MEDIAN_ANGLE_OF_FITTING_HEADING_DEG, misfit_deg_by_sense[best] * 1.5),
     ):
         return usual_sense
     rivals = [
@@ -337,7 +341,7 @@ def _add_question_if_stated_heading_sense_misfits(
     if (
         confidence_and_reason[0] == "given"
         or not misfit_deg_by_sense
-        or misfit_deg_by_sense[unit_and_sense] < 2.0 * POOR_FIT_DEG
+        or misfit_deg_by_sense[unit_and_sense] < 2.0 * MIN_MEDIAN_ANGLE_OF_UNFIT_HEADING_DEG
     ):
         return
     meaning.add_question(

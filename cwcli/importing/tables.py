@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
 
-Batch = Mapping[str, Any]
+ColumnsOfRows = Mapping[str, Any]
 """Columns of some rows: name -> an Arrow array, or a NumPy array of numbers."""
 
 
@@ -49,7 +49,7 @@ class SourceTable:
     part: str
     kind: str
     columns: tuple[str, ...]
-    read_batches: Callable[[Sequence[str]], Iterator[Batch]]
+    read_batches: Callable[[Sequence[str]], Iterator[ColumnsOfRows]]
     presets: Mapping[str, Preset] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     is_device_frame: bool = False
@@ -61,7 +61,7 @@ class SourceTable:
     def of_arrays(cls, file: str, part: str, kind: str, arrays: Mapping[str, Any], **more: Any) -> SourceTable:
         """Return a table of columns that are in memory, (n,) each; `more`: further attributes."""
 
-        def read(wanted: Sequence[str]) -> Iterator[Batch]:
+        def read(wanted: Sequence[str]) -> Iterator[ColumnsOfRows]:
             yield {name: arrays[name] for name in wanted}
 
         return cls(file, part, kind, tuple(arrays), read, **more)

@@ -28,15 +28,15 @@ MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
 """The last second of ROS 2 stamps, in January 2038, in ns since 1970 (builtin_interfaces/msg/Time)."""
 MAX_ZONE_OFFSET_S = 15 * 3600
 """Greatest offset of a time zone from UTC, s: an hour more than the 14 of the IANA tz database."""
-FIRST_YEAR_S, LAST_YEAR_S = 946_684_800, 4_102_444_800
+FIRST_LIKELY_UNIX_TIME_S, LAST_LIKELY_UNIX_TIME_S = 946_684_800, 4_102_444_800
 """Seconds since 1970 of the years 2000 and 2100, between which recordings lie. Chosen by hand."""
-APPLE_EPOCH_S, APPLE_FIRST_S = 978_307_200, 631_152_000
+APPLE_EPOCH_S, MIN_SECONDS_TAKEN_AS_APPLE_TIME = 978_307_200, 631_152_000
 """Seconds since 1970 of 2001-01-01, from which Apple's systems count (`timeIntervalSinceReferenceDate`), and the least
 number that may count from there: January 2021. Chosen by hand."""
 MIN_SECONDS_TAKEN_AS_GPS_TIME = 1_000_000_000
 """Seconds since the GPS epoch from which a number is taken as GPS time, September 2011. Chosen by hand: earlier logs of
 vehicles hardly exist."""
-SLOWEST_HZ, FASTEST_HZ = 0.5, 2500.0
+MIN_LIKELY_ROW_RATE_HZ, MAX_LIKELY_ROW_RATE_HZ = 0.5, 2500.0
 """Least and greatest rate of rows, Hz, of sensors of cars; other rates show that the unit of the time is another one.
 Chosen by hand."""
 
@@ -418,14 +418,14 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
         since_s = middle * FACTOR_BY_KIND_AND_UNIT["time"][each] / 1e9
         if unit and each != unit:
             continue
-        if FIRST_YEAR_S <= since_s <= LAST_YEAR_S:
+        if FIRST_LIKELY_UNIX_TIME_S <= since_s <= LAST_LIKELY_UNIX_TIME_S:
             if says_gps and _is_recent_gps_time(since_s):
                 return TimeBaseOfNumbers(each, "gps", "likely", "the header says GPS, and the numbers fit GPS time")
             return TimeBaseOfNumbers(
                 each, "1970", "certain" if unit else "likely", f"the numbers are {each} since 1970"
             )
-    is_of_apple = APPLE_FIRST_S <= middle < FIRST_YEAR_S and unit in {"", "s"}
-    if is_of_apple or (unit and middle * FACTOR_BY_KIND_AND_UNIT["time"][unit] / 1e9 > FIRST_YEAR_S):
+    is_of_apple = MIN_SECONDS_TAKEN_AS_APPLE_TIME <= middle < FIRST_LIKELY_UNIX_TIME_S and unit in {"", "s"}
+    if is_of_apple or (unit and middle * FACTOR_BY_KIND_AND_UNIT["time"][unit] / 1e9 > FIRST_LIKELY_UNIX_TIME_S):
         return TimeBaseOfNumbers("", "2001" if is_of_apple else "start", "", "")
     if unit:
         since = (
@@ -440,7 +440,8 @@ def time_base_of_numbers(instants: Instants, unit: str, words: tuple[str, ...]) 
     fitting = [
         each
         for each in ("s", "ms", "us", "ns")
-        if step > 0 and SLOWEST_HZ <= 1e9 / (step * FACTOR_BY_KIND_AND_UNIT["time"][each]) <= FASTEST_HZ
+        if step > 0
+        and MIN_LIKELY_ROW_RATE_HZ <= 1e9 / (step * FACTOR_BY_KIND_AND_UNIT["time"][each]) <= MAX_LIKELY_ROW_RATE_HZ
     ]
     if any(word in {"tow", "sow", "seconds", "elapsed"} for word in words) and "s" in fitting:
         fitting = ["s"]
@@ -461,7 +462,7 @@ def is_since_1970(instants: Instants) -> bool:
         return False
     ends = np.array([finite.min(), finite.max()])
     for factor in (FACTOR_BY_KIND_AND_UNIT["time"][each] / NS_PER_S for each in ("s", "ms", "us", "ns")):
-        if ends[0] * factor >= FIRST_YEAR_S and ends[1] * factor <= MAX_STAMP_NS / NS_PER_S:
+        if ends[0] * factor >= FIRST_LIKELY_UNIX_TIME_S and ends[1] * factor <= MAX_STAMP_NS / NS_PER_S:
             return True
     return False
 

@@ -32,18 +32,18 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels.contact import contact_probability
-from cwcli.measures.outlines import Size
+from cwcli.measures.outlines import LengthAndWidthM
 from cwcli.signals.columns import FloatArray
 
 LATTICE_GENERATORS = {72: 15, 290: 37}
 """Number of lines -> generator of Korobov's lattice of half as many points with the least worst-case error P2."""
-MAX_VARIANCE_SHARES_OF_FEW_LINES = (0.006,)
+MAX_VARIANCE_CHANGE_SHARES_FOR_FEW_LINES = (0.006,)
 """The smaller number of lines is used where the errors at other times differ by a smaller share of their variance than
 this; each step counts by the density of the errors that it needs. Chosen by the module's study."""
-MAX_TOUCH_SIGMAS = 3.7
+MAX_ERROR_OF_POSSIBLE_CONTACT_SIGMAS = 3.7
 """Largest error in sigmas that a contact may need; beyond it, its probability counts as 0, because it is below 0.001.
 Chosen by hand."""
-MAX_BEND_SIGMAS = 0.005
+MAX_DIFFERENCE_OF_JOINED_STEPS_SIGMAS = 0.005
 """Steps that differ from one straight step by less than this, in sigmas, are joined: headings may differ by twice as
 much, errors by half of it. Chosen by the module's study."""
 MIN_VARIANCE_M2 = 1e-6
@@ -61,7 +61,7 @@ class UncertainPaths(NamedTuple):
 
     heading_rad: FloatArray
     covariance_m2: FloatArray
-    size: Size
+    size: LengthAndWidthM
 
 
 def collision_probability(
@@ -92,18 +92,18 @@ def collision_probability(
         other_width=other.size[1],
         lines=np.concatenate([cosine_sine_and_errors_of_lines(n) for n in LATTICE_GENERATORS]),
         n_lines=np.array([*LATTICE_GENERATORS], np.intp),
-        enough_below=np.array(MAX_VARIANCE_SHARES_OF_FEW_LINES),
+        enough_below=np.array(MAX_VARIANCE_CHANGE_SHARES_FOR_FEW_LINES),
         ends=np.ascontiguousarray(ends, np.intp),
-        far_sigmas=MAX_TOUCH_SIGMAS,
+        far_sigmas=MAX_ERROR_OF_POSSIBLE_CONTACT_SIGMAS,
         least_m2=MIN_VARIANCE_M2,
-        straight_sigmas=MAX_BEND_SIGMAS,
+        straight_sigmas=MAX_DIFFERENCE_OF_JOINED_STEPS_SIGMAS,
     )
 
 
 def is_touch_improbable(
-    distance_m: FloatArray, variance_m2: FloatArray, host_size: Size, other_size: Size
+    distance_m: FloatArray, variance_m2: FloatArray, host_size: LengthAndWidthM, other_size: LengthAndWidthM
 ) -> npt.NDArray[np.bool_]:
-    """Whether contact would need errors beyond `MAX_TOUCH_SIGMAS`, (m,).
+    """Whether contact would need errors beyond `MAX_ERROR_OF_POSSIBLE_CONTACT_SIGMAS`, (m,).
 
     Outlines that touch have centres no farther apart than the sum of their half diagonals. The relative position must
     therefore err by the rest of the distance, towards the other centre.
@@ -113,7 +113,7 @@ def is_touch_improbable(
         variance_m2: Shape (m,): at least the variance of the relative position along any direction, at any time.
     """
     reach = 0.5 * (np.hypot(*host_size) + np.hypot(*other_size))
-    return np.asarray(distance_m - reach > MAX_TOUCH_SIGMAS * np.sqrt(variance_m2))
+    return np.asarray(distance_m - reach > MAX_ERROR_OF_POSSIBLE_CONTACT_SIGMAS * np.sqrt(variance_m2))
 
 
 @cache

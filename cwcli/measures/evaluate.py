@@ -161,7 +161,7 @@ def _row_of_most_critical_or_minus_1(series: FloatArray, measure: Measure) -> in
     return int(known[at])
 
 
-STATE_DIFFERENCE_STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-5, 1e-4, 1e-5, 1e-4])
+DIFFERENTIATION_STEPS_OF_STATES = np.array([1e-4, 1e-4, 1e-4, 1e-5, 1e-4, 1e-5, 1e-4])
 """Steps of the differences in x, y, speed, heading, acceleration, yaw rate and jerk, SI units. Chosen by hand."""
 
 
@@ -178,19 +178,19 @@ def sigmas_of_measures(
     Returns:
         Name -> (r,); NaN where the covariances are not known, or the measure is not smooth.
     """
-    n, rows = len(STATE_DIFFERENCE_STEPS), len(pair.stamp_ns)
+    n, rows = len(DIFFERENTIATION_STEPS_OF_STATES), len(pair.stamp_ns)
     total = {name: np.zeros(rows) for name in measures}
     for is_host, covariance in zip((True, False), covariances, strict=True):
         slopes = {name: np.zeros((rows, n)) for name in measures}
         for column in range(n):
             ends = [
-                _pair_with_shifted_state(pair, is_host, column, sign * STATE_DIFFERENCE_STEPS[column])
+                _pair_with_shifted_state(pair, is_host, column, sign * DIFFERENTIATION_STEPS_OF_STATES[column])
                 for sign in (-1.0, 1.0)
             ]
             for name, measure in measures.items():
                 low, high = (end.evaluate_measure(measure) for end in ends)
                 with np.errstate(invalid="ignore"):
-                    slopes[name][:, column] = (high - low) / (2.0 * STATE_DIFFERENCE_STEPS[column])
+                    slopes[name][:, column] = (high - low) / (2.0 * DIFFERENTIATION_STEPS_OF_STATES[column])
         for name, slope in slopes.items():
             total[name] += np.einsum("ri,rij,rj->r", slope, covariance[:, :n, :n], slope)
     return {name: np.where(value >= 0.0, np.sqrt(np.maximum(value, 0.0)), np.nan) for name, value in total.items()}

@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
-Size = tuple[float, float]
+LengthAndWidthM = tuple[float, float]
 """Length and width of an outline, m."""
 
 
@@ -19,8 +19,8 @@ def outline_separation_m(
     dy: FloatArray,
     heading_host: FloatArray,
     heading_other: FloatArray,
-    host: Size,
-    other: Size,
+    host: LengthAndWidthM,
+    other: LengthAndWidthM,
 ) -> FloatArray:
     """Largest separation over the four edge directions, metres: positive apart, negative overlapping."""
     directions = [(np.cos(heading), np.sin(heading)) for heading in (heading_host, heading_other)]
@@ -32,8 +32,8 @@ def outline_separation_by_directions_m(
     dy: FloatArray,
     along_host: tuple[FloatArray, FloatArray],
     along_other: tuple[FloatArray, FloatArray],
-    host: Size,
-    other: Size,
+    host: LengthAndWidthM,
+    other: LengthAndWidthM,
 ) -> FloatArray:
     """Largest separation over the four edge directions from cosine and sine of the headings, metres."""
     (cos_host, sin_host), (cos_other, sin_other) = along_host, along_other
@@ -53,8 +53,8 @@ def signed_outline_distance_m(
     dy_m: FloatArray,
     host_heading_rad: FloatArray,
     other_heading_rad: FloatArray,
-    host: Size,
-    other: Size,
+    host: LengthAndWidthM,
+    other: LengthAndWidthM,
 ) -> FloatArray:
     """Shortest distance between the outlines, metres; where they overlap, minus the penetration depth.
 
@@ -69,7 +69,12 @@ def signed_outline_distance_m(
 
 
 def _distance_of_corners_to_box_m(
-    dx: FloatArray, dy: FloatArray, heading_box: FloatArray, heading_guest: FloatArray, box: Size, guest: Size
+    dx: FloatArray,
+    dy: FloatArray,
+    heading_box: FloatArray,
+    heading_guest: FloatArray,
+    box: LengthAndWidthM,
+    guest: LengthAndWidthM,
 ) -> FloatArray:
     """Smallest distance from the guest's corners to the box, the guest's centre at (dx, dy) from the box's."""
     cosine, sine = np.cos(heading_box), np.sin(heading_box)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.measures.outlines import Size
+from cwcli.measures.outlines import LengthAndWidthM
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.resample import resample
@@ -33,7 +33,7 @@ EastNorthSpeedHeadingRows = FloatArray
 AccelYawRateJerkRows = FloatArray
 """Acceleration (m/s^2), yaw rate (rad/s) and jerk (m/s^3), shape (n, 3)."""
 
-Direction = tuple[FloatArray, FloatArray]
+CosinesAndSinesOfHeadings = tuple[FloatArray, FloatArray]
 """Cosine and sine of headings."""
 MAX_CENTRE_DISTANCE_OF_COMPARED_OUTLINES_M = 200.0
 """Greatest distance of the centres, m, at which outlines are compared. Chosen by hand; not fitted."""
@@ -71,8 +71,8 @@ class RelativeMotion:
     dvy_mps: FloatArray
     host_heading_rad: FloatArray
     other_heading_rad: FloatArray
-    host_direction: Direction
-    other_direction: Direction
+    host_direction: CosinesAndSinesOfHeadings
+    other_direction: CosinesAndSinesOfHeadings
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class Pair:
 
     host: ActualTrack
     other: ActualTrack
-    host_size: Size
-    other_size: Size
+    host_size: LengthAndWidthM
+    other_size: LengthAndWidthM
     max_gap_s: float
     known_other: tuple[FloatArray, FloatArray] | None = field(default=None, repr=False, compare=False)
     _values: dict[PairQuantity, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)

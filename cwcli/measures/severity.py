@@ -67,7 +67,7 @@ CRASH_INDEX = Measure(
 
 VEHICLE_MASS_KG = 1500.0
 """The assumed mass of each vehicle, kg: messages carry none. Chosen: a passenger car's."""
-ENERGY_WEIGHT, PET_DECAY_1PS = 1.0, 1.0
+SHARE_OF_COUNTED_ENERGY, ENERGY_DECAY_PER_PET_1PS = 1.0, 1.0
 """Share of the energy that counts, and how fast it fades with PET, 1/s. Chosen by hand; not fitted."""
 
 
@@ -78,7 +78,7 @@ def conflict_index_of_pair_kj(pair: Pair) -> PairNumber:
         return np.array(np.nan)
     change = theirs[0] * np.exp(1j * theirs[1]) - own[0] * np.exp(1j * own[1])
     energy_kj = 0.25e-3 * VEHICLE_MASS_KG * np.abs(change) ** 2  # of two equal masses that stay together
-    return np.array(ENERGY_WEIGHT * energy_kj / np.exp(PET_DECAY_1PS * pet_s))
+    return np.array(SHARE_OF_COUNTED_ENERGY * energy_kj / np.exp(ENERGY_DECAY_PER_PET_1PS * pet_s))
 
 
 CI = Measure(

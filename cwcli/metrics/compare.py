@@ -49,7 +49,7 @@ SIGN_FLIPS_PER_BATCH = 1111
 """Number of sign flips computed at once, a divisor of `N_SIGN_FLIPS`; it bounds the memory."""
 ROUNDING_TOLERANCE = 1e-9
 """Greatest relative difference that counts as rounding, as between two processors; chosen by hand."""
-RATIO_FLOOR_SHARE = 0.01
+SHARE_OF_POOLED_VALUE_ADDED_TO_RATIO = 0.01
 """Share of the pooled value added to both values of a ratio, to keep tiny errors from deciding; chosen by hand."""
 
 
@@ -243,7 +243,7 @@ def _changes_whether_relative_and_tolerance(
     if metric is not None and metric.is_share:
         return np.where(equal, 0.0, after - before), False, tolerance
     if (before > 0.0).all() and (after > 0.0).all():
-        floor = RATIO_FLOOR_SHARE * reference
+        floor = SHARE_OF_POOLED_VALUE_ADDED_TO_RATIO * reference
         return np.where(equal, 0.0, np.log((after + floor) / (before + floor))), True, math.log1p(tolerance)
     return np.where(equal, 0.0, after - before), False, tolerance * reference
 

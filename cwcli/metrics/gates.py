@@ -42,7 +42,7 @@ _AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
 """Name of a function over all logs -> the function that computes it from at least one finite value."""
 MEASURE_METRIC_PREFIX = "measures."
 """The metrics of a criticality measure have names that begin with this: `measures.min_ttc_s`."""
-MEASURE_EXTREMES = ("min", "max")
+EXTREME_WORDS_IN_MEASURE_METRIC_NAMES = ("min", "max")
 """A measure's most critical value in a log is its least or its greatest; its metric's name has one of these words."""
 FAILED_LOGS_GATE = "every log was evaluated"
 """Name of the additional gate that a run with failed logs fails."""
@@ -208,7 +208,11 @@ class _GateEvaluator:
         either its least or its greatest one.
         """
         if not name.is_pattern:
-            extremes = [function] if function in MEASURE_EXTREMES else MEASURE_EXTREMES
+            extremes = (
+                [function]
+                if function in EXTREME_WORDS_IN_MEASURE_METRIC_NAMES
+                else EXTREME_WORDS_IN_MEASURE_METRIC_NAMES
+            )
             column = name.text.removeprefix(MEASURE_METRIC_PREFIX)
             suggestions = [f"{MEASURE_METRIC_PREFIX}{each}_{column}" for each in extremes if name.text != column]
             return [

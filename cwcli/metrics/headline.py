@@ -112,12 +112,12 @@ def _prediction_metrics(who: str, whom: str) -> tuple[Metric, ...]:
 def _system_metrics() -> Iterator[Metric]:
     """Yield another system's metrics: cwcli's own with `system.` in front of their names."""
     prediction = (metric for metric in _prediction_metrics("ego", "the ego's") if "<model>" not in metric.name)
-    for metric in (*WARNING_METRICS, *STATE_METRICS, *prediction):
+    for metric in (*WARNING_METRICS, *EGO_STATE_METRICS_AGAINST_TRUTH, *prediction):
         if "inside_90" not in metric.name:
             yield replace(metric, name=f"system.{metric.name}", stage="system", doc=f"of another system: {metric.doc}")
 
 
-STATE_METRICS: tuple[Metric, ...] = (
+EGO_STATE_METRICS_AGAINST_TRUTH: tuple[Metric, ...] = (
     Metric("ego.position_rmse_m", "estimate", "m", "rms", "lower",
            "horizontal distance from the truth (two axes together)", is_compared=True),
     Metric("ego.along_rmse_m", "estimate", "m", "rms", "lower", "its part along the true heading"),
@@ -157,10 +157,10 @@ WARNING_METRICS: tuple[Metric, ...] = (
 """Metrics of collision warnings, for cwcli's first rule and for another system."""
 
 METRICS: tuple[Metric, ...] = (
-    *STATE_METRICS,
+    *EGO_STATE_METRICS_AGAINST_TRUTH,
     *(replace(metric, name=metric.name.replace("ego.", "ego.online_"),
               doc=f"as ego.{metric.name.removeprefix('ego.')}, of the online states; by hindsight without a truth")
-      for metric in STATE_METRICS),
+      for metric in EGO_STATE_METRICS_AGAINST_TRUTH),
     Metric("ego.online_delay_mean_s", "estimate", "s", "mean", "lower",
            "from the time of an online state to when it could be known"),
     Metric("ego.accel_rmse_mps2", "estimate", "m/s^2", "rms", "lower", "longitudinal acceleration minus the truth's",

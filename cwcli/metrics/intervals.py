@@ -19,7 +19,7 @@ UNKNOWN_INTERVAL = Bounds(float("nan"), float("nan"))
 """The interval of a value for which none can be computed: NaN at both ends."""
 
 
-MAX_COUNT_OF_SUMMED_POISSON = 1000
+MAX_COUNT_FOR_SUMMED_POISSON_INTERVAL = 1000
 """Greatest count up to which Poisson probabilities are summed, which takes time in proportion; chosen by hand."""
 
 
@@ -136,7 +136,7 @@ def poisson_interval(count: int, level: float = 0.95) -> Bounds:
     if count < 0:
         raise ValueError(f"a count of {count} is negative")
     tail = (1.0 - level) / 2.0
-    if count > MAX_COUNT_OF_SUMMED_POISSON:
+    if count > MAX_COUNT_FOR_SUMMED_POISSON_INTERVAL:
         return Bounds(_gamma_quantile(float(count), tail), _gamma_quantile(count + 1.0, 1.0 - tail))
     high = _poisson_mean_at_probability(count, tail)
     low = 0.0 if count == 0 else _poisson_mean_at_probability(count - 1, 1.0 - tail)

@@ -32,7 +32,7 @@ N_BOOTSTRAP_RESAMPLES = 2000
 """Number of bootstrap resamples over the logs; chosen by hand."""
 MAX_DRAWN_LOG_COUNTS_IN_MEMORY = 4_000_000
 """Number of counts of drawn logs that are held as floating-point numbers at a time. Chosen by hand: 32 MB."""
-POOLED_ID = "(pooled)"
+LOG_ID_OF_ALL_LOGS_POOLED = "(pooled)"
 """The id that stands for all logs together in the column `log`."""
 DATA_METRIC_PREFIX = "data."
 """Beginning of the names of metrics of the recorded data; all others measure results of stages."""
@@ -229,7 +229,10 @@ def metrics_table_of_run(logs: Sequence[LogMetrics], *, seed: int = 0) -> Table:
     """Return the rows of all logs, then the pooled ones under the id `(pooled)`, with a column `log` in front."""
     ids: list[str] = []
     headline = HeadlineCollector()
-    for name, rows in (*((log.id, log.rows) for log in logs), (POOLED_ID, pool_all_metrics(logs, seed=seed))):
+    for name, rows in (
+        *((log.id, log.rows) for log in logs),
+        (LOG_ID_OF_ALL_LOGS_POOLED, pool_all_metrics(logs, seed=seed)),
+    ):
         for row in rows.values():
             ids.append(name)
             headline.rows.append(tuple(getattr(row, column) for column in METRICS_TABLE_COLUMNS))

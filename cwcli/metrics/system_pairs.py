@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from cwcli.metrics.pooling import MetricRow
 
-SYSTEM_PREFIX = "system."
+OTHER_SYSTEM_METRIC_PREFIX = "system."
 """Prefix of another system's metrics; the name of cwcli's own metric follows it."""
 
 
@@ -26,8 +26,8 @@ def pair_with_own(rows: Mapping[str, MetricRow]) -> list[MetricPair]:
     """
     found = []
     for name, row in rows.items():
-        if name.startswith(SYSTEM_PREFIX):
-            known = name.removeprefix(SYSTEM_PREFIX)
+        if name.startswith(OTHER_SYSTEM_METRIC_PREFIX):
+            known = name.removeprefix(OTHER_SYSTEM_METRIC_PREFIX)
             own = rows.get(f"ego.online_{known.removeprefix('ego.')}") if known.startswith("ego.") else None
             found.append(MetricPair(known, row, own or rows.get(known)))
     return found

@@ -18,7 +18,7 @@ from cwcli.signals.units import NS_PER_S
 
 STAMP_FIELD_NAMES = (*HEADER_STAMP_FIELDS, *JSON_STAMP_FIELDS, *PROTOBUF_STAMP_FIELDS, "stamp.sec", "stamp.nanosec")
 """Names of the leaf fields that may hold a message's own time, of all encodings that cwcli reads."""
-MIN_ROWS, MIN_DURATION_S = 30, 5.0
+MIN_MESSAGES_FOR_CLOCK_DRIFT, MIN_DURATION_FOR_CLOCK_DRIFT_S = 30, 5.0
 """Fewest messages and shortest time [s] from which a clock drift is estimated; chosen by hand."""
 MIN_DELAY_CHANGE_OF_DRIFT_SIGMAS = 5.0
 """Least change of the delay, relative to its scatter, that counts as a drift. Chosen by hand."""
@@ -111,7 +111,7 @@ def clock_drift_ms_per_min(stamp_ns: Int64Array, log_ns: Int64Array) -> float:
         stamp_ns, log_ns: Shape (n,), in log-time order.
     """
     n = len(stamp_ns)
-    if n < MIN_ROWS or log_ns[-1] - log_ns[0] < MIN_DURATION_S * NS_PER_S:
+    if n < MIN_MESSAGES_FOR_CLOCK_DRIFT or log_ns[-1] - log_ns[0] < MIN_DURATION_FOR_CLOCK_DRIFT_S * NS_PER_S:
         return float("nan")
     third = n // 3
     delay_s = (log_ns - stamp_ns) / NS_PER_S

@@ -27,9 +27,9 @@ JSON_UNIT_SUFFIXES = {
     "%": "percent",
 }
 """Unit in brackets at the end of a heading -> the ending of the JSON name."""
-_HEADING = re.compile(r"(?P<words>[^\[]*)(?:\[(?P<unit>[^\]]+)\])?(?P<more>.*)")
+_HEADING_WITH_UNIT_PATTERN = re.compile(r"(?P<words>[^\[]*)(?:\[(?P<unit>[^\]]+)\])?(?P<more>.*)")
 """Pattern of a table's heading: words, a unit in brackets, and further words such as `median`."""
-_WORD = re.compile("[a-z0-9]+")
+_JSON_WORD_PATTERN = re.compile("[a-z0-9]+")
 """Pattern of the runs of lower-case letters and digits that make up a JSON name."""
 
 
@@ -83,11 +83,11 @@ def cell_to_json_value(cell: Any) -> Any:
 
 def heading_to_json_name(heading: str, end: str = "") -> str:
     """Return a heading's JSON name: `max_speed_mps` for `max speed [m/s]`, with end `sigma` `max_speed_sigma_mps`."""
-    matched = _HEADING.fullmatch(heading)
+    matched = _HEADING_WITH_UNIT_PATTERN.fullmatch(heading)
     assert matched is not None
     unit = JSON_UNIT_SUFFIXES.get(matched["unit"] or "", matched["unit"])
     words = f"{matched['words']} {matched['more']} {end}".lower().replace("%", " percent ").replace("/", " per ")
-    name = "_".join(_WORD.findall(words))
+    name = "_".join(_JSON_WORD_PATTERN.findall(words))
     name = f"at_{name}" if name[:1].isdigit() else name  # `95 % from` -> `at_95_percent_from`
-    ending = "_".join(_WORD.findall((unit or "").lower()))
+    ending = "_".join(_JSON_WORD_PATTERN.findall((unit or "").lower()))
     return name if not ending or name.endswith(f"_{ending}") else f"{name}_{ending}"

@@ -9,7 +9,7 @@ from cwcli.channels.published import REMOTE_PATH, REMOTE_STATE
 from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.needs import Table, readiness_of_each_stage
+from cwcli.pipeline.needs import StageByName, readiness_of_each_stage
 from cwcli.pipeline.stage import Stage
 from cwcli.pipeline.stations import add_stations_to_error
 from cwcli.signals.role import Role
@@ -44,7 +44,7 @@ class SignalCheck:
         ego_station: V2X station of the ego, or None.
     """
 
-    stages: Table
+    stages: StageByName
     ego_station: str | None = None
 
     def __call__(self, stage: str, log: Log, selection: Selection) -> MissingSignals | None:
@@ -131,7 +131,7 @@ class SkipStagesAlreadyRun:
     """
 
     stage: Stage
-    stages: Table
+    stages: StageByName
     ego_station: str | None = None
 
     def __call__(self, name: str, log: Log, selection: Selection) -> MissingSignals | None:

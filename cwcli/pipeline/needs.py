@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.stage import Stage
 
-Table = Mapping[str, Stage]
+StageByName = Mapping[str, Stage]
 """The type of a table of stages: name -> stage, in the order in which they run."""
 
 
@@ -29,7 +29,7 @@ class StageReadiness:
     unused: tuple[str, ...]
 
 
-def readiness_of_each_stage(bound: Collection[str], stages: Table) -> list[StageReadiness]:
+def readiness_of_each_stage(bound: Collection[str], stages: StageByName) -> list[StageReadiness]:
     """Return for each stage whether it can run on a log.
 
     Args:

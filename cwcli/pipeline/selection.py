@@ -15,7 +15,7 @@ from cwcli.text import format_duration
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_UNIX_EPOCH_UTC = datetime(1970, 1, 1, tzinfo=UTC)
 """The Unix epoch, from which all stamps and log times count."""
 
 
@@ -128,5 +128,5 @@ def parse_time_ns(text: str, log_start_ns: int, option: str) -> int:
         ) from None
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
-    since = moment - _EPOCH
+    since = moment - _UNIX_EPOCH_UTC
     return (since.days * 86_400 + since.seconds) * NS_PER_S + since.microseconds * 1000

@@ -18,7 +18,7 @@ from cwcli.pipeline.stage import Stage
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration
 
-TYPE_NAMES = {bool: "True or False", int: "an integer", float: "a number", str: "a text"}
+NAME_BY_OPTION_TYPE = {bool: "True or False", int: "an integer", float: "a number", str: "a text"}
 """Type of an option's value -> its name in error messages."""
 
 
@@ -164,7 +164,7 @@ def _require_type(name: str, kind: Any, value: Any) -> Any:
     is_bool = isinstance(value, bool)
     if any(isinstance(value, each) and (is_bool == (each is bool)) for each in kinds):
         return value
-    raise UsageError(f"{name} = {value!r} must be {TYPE_NAMES.get(kinds[0], str(kinds[0]))}")
+    raise UsageError(f"{name} = {value!r} must be {NAME_BY_OPTION_TYPE.get(kinds[0], str(kinds[0]))}")
 
 
 def _empty_list_false_or_none_of_type(kind: Any) -> Any:

@@ -50,7 +50,7 @@ from cwcli.prediction.outcome_history import (
 )
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.plan import PathPlan
-from cwcli.prediction.rollout import DEFAULT_SETTINGS, RolloutSettings
+from cwcli.prediction.rollout import DEFAULT_ROLLOUT_SETTINGS, RolloutSettings
 from cwcli.prediction.scales import LogScales, horizon_knots_of_scales_s, scale_path_covariance_in_place
 from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -62,7 +62,7 @@ ELLIPSE_SQUARED_RADII = np.array([ELLIPSE_50_SQUARED_RADIUS, ELLIPSE_90_SQUARED_
 FLEET_WEIGHT_IN_OUTCOMES = 6.0
 """The fleet's distribution counts as much as this many outcomes. Chosen: a 90 % quantile from 6 errs by about 1 in the
 logarithm, as much as logs differ from each other."""
-LOG_CELL_WIDTH, LOG_FIRST_CELL, N_LOG_CELLS = 0.1, -10.0, 200
+LOG_SQUARED_DISTANCE_CELL_WIDTH, FIRST_LOG_SQUARED_DISTANCE, N_LOG_SQUARED_DISTANCE_CELLS = 0.1, -10.0, 200
 """The histogram of log squared distances has 200 cells of width 0.1 from -10 on; what is beyond is clipped. Chosen by
 hand."""
 LOG_SQUARED_DISTANCE_TAIL_WIDTH = 2.0
@@ -138,7 +138,7 @@ def log_scale_from_other_vehicles(track: StateHistory, squared_distance: FloatAr
     """
     known_ns, index, step_s = outcome_known_times_ns(track, knots_s), track.vehicle_indices(), track.step_s()
     by_now = np.argsort(track.known_ns, kind="stable")
-    edges = LOG_FIRST_CELL + LOG_CELL_WIDTH * np.arange(N_LOG_CELLS + 1)
+    edges = FIRST_LOG_SQUARED_DISTANCE + LOG_SQUARED_DISTANCE_CELL_WIDTH * np.arange(N_LOG_SQUARED_DISTANCE_CELLS + 1)
     out = np.empty((*squared_distance.shape, len(ELLIPSE_PROBABILITIES)))
     for k, quantiles in enumerate(_fleet_log_distance_quantiles(knots_s)):
         shares = np.interp(
@@ -152,9 +152,11 @@ def log_scale_from_other_vehicles(track: StateHistory, squared_distance: FloatAr
         )
         rows = np.flatnonzero(np.isfinite(squared_distance[:, k]) & (known_ns[:, k] < OUTCOME_NEVER_KNOWN_NS))
         rows = rows[np.argsort(known_ns[rows, k], kind="stable")]
-        cell = (np.log(np.maximum(squared_distance[rows, k], 1e-300)) - LOG_FIRST_CELL) / LOG_CELL_WIDTH
+        cell = (
+            np.log(np.maximum(squared_distance[rows, k], 1e-300)) - FIRST_LOG_SQUARED_DISTANCE
+        ) / LOG_SQUARED_DISTANCE_CELL_WIDTH
         found = stream_quantiles(
-            np.clip(cell, 0, N_LOG_CELLS - 1).astype(np.intp),
+            np.clip(cell, 0, N_LOG_SQUARED_DISTANCE_CELLS - 1).astype(np.intp),
             step_s[rows] / knots_s[k],
             index[rows],
             np.searchsorted(known_ns[rows, k], track.known_ns[by_now], side="right"),
@@ -162,7 +164,9 @@ def log_scale_from_other_vehicles(track: StateHistory, squared_distance: FloatAr
             FLEET_WEIGHT_IN_OUTCOMES * np.diff(shares),
             ELLIPSE_PROBABILITIES,
         )
-        out[by_now, k] = LOG_FIRST_CELL + LOG_CELL_WIDTH * found - np.log(ELLIPSE_SQUARED_RADII)
+        out[by_now, k] = (
+            FIRST_LOG_SQUARED_DISTANCE + LOG_SQUARED_DISTANCE_CELL_WIDTH * found - np.log(ELLIPSE_SQUARED_RADII)
+        )
     return out
 
 
@@ -255,7 +259,9 @@ def _adapt_log_scale(
     return np.asarray(out + begin_log_scale)
 
 
-def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings = DEFAULT_SETTINGS) -> PathPlan:
+def plan_vehicle_paths(
+    model: str, starts: PathStarts, settings: RolloutSettings = DEFAULT_ROLLOUT_SETTINGS
+) -> PathPlan:
     """Plan the paths of all rows, with their measured gains and each vehicle's covariance scaled by its own outcomes.
 
     Args:

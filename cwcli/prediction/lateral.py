@@ -26,7 +26,7 @@ from cwcli.signals.units import NS_PER_S
 
 MAX_PREDICTION_HORIZON_S = 60.0
 """Longest permitted horizon, s. Chosen by hand."""
-MAX_PATH_STEPS = 2000
+MAX_STEPS_OF_LATERAL_PATH = 2000
 """Largest permitted number of steps of a path; it bounds the memory. Chosen by hand."""
 LATERAL_PATH_MODELS = ("cwcli", "zhang2011")
 """Names of the path models; the module's text explains both."""
@@ -79,10 +79,10 @@ class LateralPathConfig:
         ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s))
         if not ok or self.step_s > self.horizon_s:
             raise UsageError(f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is not possible")
-        if self.horizon_s > MAX_PREDICTION_HORIZON_S or self.horizon_s > MAX_PATH_STEPS * self.step_s:
+        if self.horizon_s > MAX_PREDICTION_HORIZON_S or self.horizon_s > MAX_STEPS_OF_LATERAL_PATH * self.step_s:
             raise UsageError(
                 f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is too long from the observer; "
-                f"permitted: {MAX_PREDICTION_HORIZON_S:g} s, {MAX_PATH_STEPS} steps"
+                f"permitted: {MAX_PREDICTION_HORIZON_S:g} s, {MAX_STEPS_OF_LATERAL_PATH} steps"
             )
 
 

@@ -55,7 +55,7 @@ class RolloutSettings:
         return self.prior or DriverPrior()
 
 
-DEFAULT_SETTINGS = RolloutSettings()
+DEFAULT_ROLLOUT_SETTINGS = RolloutSettings()
 """The settings of paths where none are given."""
 
 
@@ -81,7 +81,7 @@ def roll_out_paths(
     model: str,
     state: StateRows,
     covariance: Covariances | None,
-    settings: RolloutSettings = DEFAULT_SETTINGS,
+    settings: RolloutSettings = DEFAULT_ROLLOUT_SETTINGS,
     *,
     points: npt.NDArray[np.intp] | None = None,
     acting_s: FloatArray | None = None,

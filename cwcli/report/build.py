@@ -56,7 +56,7 @@ MAX_LOGS_IN_FULL_DETAIL = 5
 """Greatest number of logs of a run that are first tried in full detail. Chosen by hand; not fitted."""
 OVERVIEW_ROW_BYTES = 1200
 """Space that is reserved for one row of the overview table, in bytes, 300 of them for the track. Estimated by hand."""
-LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES = 290, 5_000_000
+OVERVIEW_ROW_BYTES_OF_LONG_PAGE, MAX_LONG_PAGE_BYTES = 290, 5_000_000
 """The page of many logs sets aside so many bytes for a row of its overview, and has at most so many bytes. Chosen by
 hand: ten thousand rows, and figures of the worst logs."""
 MAX_LOGS_OPENED = 200
@@ -72,9 +72,11 @@ MAX_STORY_CHARACTERS = 400
 """The greatest length of a log's description in the overview table, in characters. Chosen by hand; not fitted."""
 MAX_SHORT_STORY_CHARACTERS = 90
 """The same in a run of more than `MAX_LOGS_OPENED` logs. Chosen by hand: ten thousand rows fit into 5 MB."""
-FOLDED_DETAIL = DetailLevel(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False)
+FIGURE_DETAIL_OF_LARGE_RUN = DetailLevel(
+    n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False
+)
 """The detail of logs in runs of more than `MAX_LOGS_IN_FULL_DETAIL` logs. Chosen by hand; not fitted."""
-MINIMAL_DETAIL = DetailLevel(
+LEAST_FIGURE_DETAIL = DetailLevel(
     n_pieces=150, n_events=1, n_frame_events=1, n_frames=2, n_moments=0, has_all_metrics=False, has_residuals=False
 )
 """The least detail that is tried before a log is left without figures. Chosen by hand; not fitted."""
@@ -122,7 +124,9 @@ def build_report(
         key=_candidate_sort_key,
     )
     is_few = len(candidates) <= MAX_LOGS_IN_FULL_DETAIL
-    row_bytes, page_bytes = (OVERVIEW_ROW_BYTES, MAX_PAGE_BYTES) if is_opened else (LONG_ROW_BYTES, MAX_LONG_PAGE_BYTES)
+    row_bytes, page_bytes = (
+        (OVERVIEW_ROW_BYTES, MAX_PAGE_BYTES) if is_opened else (OVERVIEW_ROW_BYTES_OF_LONG_PAGE, MAX_LONG_PAGE_BYTES)
+    )
     budget = page_bytes - renderer.fixed_size_bytes - row_bytes * len(candidates) - 20_000
     sections: list[str] = []
     n_misfits = 0
@@ -169,7 +173,7 @@ def _build_report_of_one_log(
             entry = LogEntry(entry.id, name, log.name, entry.log, metrics=metrics)
         results = check_gates(gates, [log_metrics_of_entry(entry)])
         section, story, badges = "", None, []
-        for detail in (DetailLevel(), DetailLevel(n_pieces=400), FOLDED_DETAIL, MINIMAL_DETAIL):
+        for detail in (DetailLevel(), DetailLevel(n_pieces=400), FIGURE_DETAIL_OF_LARGE_RUN, LEAST_FIGURE_DETAIL):
             options = SectionOptions("log-1", (), detail, is_alone=True, is_open=True)
             with part_of_work(0.5, 0.9, "chunks"):
                 view = _read_and_build_log_view(log, entry, options, system)
@@ -299,7 +303,11 @@ def _render_section_and_complete_candidate(
 ) -> str | None:
     """Render a log's section in as much detail as the budget of bytes allows; None if the least is too much."""
     assert candidate.entry.log is not None
-    details = (DetailLevel(), FOLDED_DETAIL, MINIMAL_DETAIL) if is_few else (FOLDED_DETAIL, MINIMAL_DETAIL)
+    details = (
+        (DetailLevel(), FIGURE_DETAIL_OF_LARGE_RUN, LEAST_FIGURE_DETAIL)
+        if is_few
+        else (FIGURE_DETAIL_OF_LARGE_RUN, LEAST_FIGURE_DETAIL)
+    )
     try:
         with Log.open(candidate.entry.log) as log:
             for detail in details:

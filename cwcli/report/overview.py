@@ -23,7 +23,7 @@ MAX_PAGE_BYTES = 5_900_000
 """The size of a page that sections are fitted into, in bytes; docs/report.md promises less than 6 MB."""
 MAX_NAMED_LOGS = 3
 """Greatest number of doubtful logs that the headline names; chosen by hand."""
-MIN_REASONS, MAX_REASONS = 2, 8
+MIN_LISTED_FAILURE_REASONS, MAX_LISTED_FAILURE_REASONS = 2, 8
 """Least and greatest number of reasons of failures that are listed; chosen by hand."""
 MAX_ROWS_WITH_NAMED_CELLS = 200
 """Greatest number of rows whose cells carry the names of their columns, for narrow screens. Chosen by hand: they take a
@@ -146,13 +146,13 @@ def _failure_sentences(candidates: Sequence[LogCandidate]) -> list[str]:
     for each in candidates:
         if each.entry.has_failed:
             names.setdefault(each.entry.error.get("what", "it failed"), []).append(each.entry.name)
-    if len(names) < MIN_REASONS:  # the rows say it
+    if len(names) < MIN_LISTED_FAILURE_REASONS:  # the rows say it
         return []
     ordered = sorted(names.items(), key=lambda item: (-len(item[1]), item[0]))
     return [
         f"{format_count(len(logs), 'log')} failed: {what} ({', '.join(logs[:MAX_NAMED_LOGS])}"
         f"{', ...' if len(logs) > MAX_NAMED_LOGS else ''})."
-        for what, logs in ordered[:MAX_REASONS]
+        for what, logs in ordered[:MAX_LISTED_FAILURE_REASONS]
     ]
 
 

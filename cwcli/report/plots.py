@@ -26,7 +26,7 @@ from cwcli.text import shorten_and_escape
 
 PLOT_FORMATS = ("png", "svg")
 """File formats of the plots."""
-RELATIVE_ERROR_SPAN_S = 1.0
+RELATIVE_POSITION_ERROR_SPAN_S = 1.0
 """Time span of a relative position error, in s. Chosen by hand; not fitted."""
 FIGURE_WIDTH_IN = 9.0
 """Width of a plot, in inches. Chosen by hand; not fitted."""
@@ -97,21 +97,21 @@ def absolute_position_error_panels(drive: Drive) -> list[Panel]:
 
 
 def relative_position_error_panels(drive: Drive) -> list[Panel]:
-    """Make the panel of the relative position error (RPE, translation part) over `RELATIVE_ERROR_SPAN_S`.
+    """Make the panel of the relative position error (RPE, translation part) over `RELATIVE_POSITION_ERROR_SPAN_S`.
 
     The ways are those in the frames of the two poses at the beginning; in the map where the truth has no heading.
     """
     truth = _require_truth(drive)
     return [
         _error_panel_with_statistics(
-            f"RPE over {RELATIVE_ERROR_SPAN_S:.0f} s, translation",
+            f"RPE over {RELATIVE_POSITION_ERROR_SPAN_S:.0f} s, translation",
             *displacement_end_ns_and_error_m(_states_at_truth_stamps(drive, truth), truth),
         )
     ]
 
 
 def displacement_end_ns_and_error_m(state: FloatArray, truth: EgoTruth) -> tuple[Int64Array, FloatArray]:
-    """Compute the errors of the displacements over `RELATIVE_ERROR_SPAN_S` from each of the truth's stamps.
+    """Compute the errors of the displacements over `RELATIVE_POSITION_ERROR_SPAN_S` from each of the truth's stamps.
 
     Args:
         state: The estimated states at the truth's stamps, (n, 8), NaN where not known.
@@ -119,11 +119,11 @@ def displacement_end_ns_and_error_m(state: FloatArray, truth: EgoTruth) -> tuple
     Returns:
         Stamps of the ends (k,), and errors (k,), m.
     """
-    end = np.searchsorted(truth.stamp_ns, truth.stamp_ns + round(RELATIVE_ERROR_SPAN_S * NS_PER_S))
+    end = np.searchsorted(truth.stamp_ns, truth.stamp_ns + round(RELATIVE_POSITION_ERROR_SPAN_S * NS_PER_S))
     start = np.flatnonzero(end < len(end))
     end = end[start]
     is_near = (truth.stamp_ns[end] - truth.stamp_ns[start]) < (
-        RELATIVE_ERROR_SPAN_S + MAX_INTERPOLATION_GAP_S
+        RELATIVE_POSITION_ERROR_SPAN_S + MAX_INTERPOLATION_GAP_S
     ) * NS_PER_S
     start, end = start[is_near], end[is_near]
     way, true_way = state[end, :2] - state[start, :2], truth.xy[end] - truth.xy[start]

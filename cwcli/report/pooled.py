@@ -17,7 +17,7 @@ from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.text import format_interval
 from cwcli.text import format_number as shown
 
-FURTHER_METRICS = (
+METRICS_SHOWN_BUT_NOT_COMPARED = (
     "data.duration_s",
     "ego.distance_km",
     "ego.position_nees",
@@ -30,7 +30,7 @@ FURTHER_METRICS = (
     "warnings.raised_per_100km",
 )
 """Metrics that are shown besides those that runs are compared by. Chosen by hand; not fitted."""
-EXTENT_METRICS = ("data.duration_s", "ego.distance_km")
+METRICS_OF_DRIVE_LENGTH = ("data.duration_s", "ego.distance_km")
 """Metrics of a drive's length, in which no log counts as an outlier."""
 MAX_OUTLIER_LOGS = 3
 """The greatest number of outlier logs that are named for a metric. Chosen by hand; not fitted."""
@@ -55,7 +55,7 @@ MIN_SIGMA_OF_TIMES_S = 0.005
 """The least sigma of times, in s. Chosen by hand; not fitted."""
 MAX_DRAWN_MAGNITUDE = 1e300
 """Magnitude at which larger values are drawn, as their differences would overflow a double."""
-AXIS_REACH_QUARTILE_RANGES = 3.0
+AXIS_REACH_IN_INTERQUARTILE_RANGES = 3.0
 """The axis reaches this many interquartile ranges beyond the quartiles; values beyond are drawn at its ends.
 Chosen by hand; not fitted."""
 
@@ -162,7 +162,7 @@ def pool_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tupl
 def is_pooled_metric(name: str) -> bool:
     """Return whether the page shows a metric over all logs."""
     metric = find_metric(name)
-    return metric is not None and (metric.is_compared or name in FURTHER_METRICS)
+    return metric is not None and (metric.is_compared or name in METRICS_SHOWN_BUT_NOT_COMPARED)
 
 
 def _build_pooled_metric(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, str]) -> PooledMetric:
@@ -181,7 +181,7 @@ def _build_pooled_metric(row: MetricRow, values: Mapping[str, float], anchors: M
         median=shown(float(np.median(drawable))),
         spread=spread,
         odd=()
-        if row.metric in EXTENT_METRICS
+        if row.metric in METRICS_OF_DRIVE_LENGTH
         else find_outlier_logs(row.metric, values, anchors, low, high, min_outlier_sigma(row.metric, row.unit)),
     )
 
@@ -196,7 +196,7 @@ def build_histogram_and_axis_ends(values: FloatArray, metric_name: str) -> tuple
     ends = format_metric_value(metric_name, float(values.min())), format_metric_value(metric_name, float(values.max()))
     values = _clip_to_drawable(values)
     first, third = np.quantile(values, [0.25, 0.75])
-    reach = AXIS_REACH_QUARTILE_RANGES * (third - first)
+    reach = AXIS_REACH_IN_INTERQUARTILE_RANGES * (third - first)
     low, high = max(float(values.min()), first - reach), min(float(values.max()), third + reach)
     if not high > low:  # all but a few agree
         low, high = float(values.min()), float(values.max())

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray
 from cwcli.text import escape_control_characters
 
-MAP_PX, STRIP_WIDTH_PX, STRIP_HEIGHT_PX, EDGE_PX = 220, 360, 92, 8
+MAP_SIZE_PX, STRIP_WIDTH_PX, STRIP_HEIGHT_PX, EMPTY_EDGE_PX = 220, 360, 92, 8
 """Size of the map, width and height of a strip, and the empty edge inside both, in pixels. Chosen by hand."""
 MIN_MAP_EXTENT_M = 20.0
 """Least width of what a map shows, m. Chosen by hand: four lengths of a car."""
@@ -86,20 +86,20 @@ def map_svg(tracks: Sequence[MapTrack], label: str) -> str:
         return ""
     low, high = points.min(axis=0), points.max(axis=0)
     extent_m = max(float((high - low).max()), MIN_MAP_EXTENT_M)
-    scale = (MAP_PX - 2 * EDGE_PX) / extent_m
+    scale = (MAP_SIZE_PX - 2 * EMPTY_EDGE_PX) / extent_m
     parts = []
     for xy_m, colour, is_thick in tracks:
-        px = (xy_m - 0.5 * (low + high)) * (scale, -scale) + 0.5 * MAP_PX
+        px = (xy_m - 0.5 * (low + high)) * (scale, -scale) + 0.5 * MAP_SIZE_PX
         parts.append(_line_svg(px, colour, 1.5))
         if is_thick is not None:
             parts.append(_line_svg(np.where(is_thick[:, None], px, np.nan), colour, 4.5))
         at = px[np.isfinite(px).all(axis=1)][-1:]
         parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="{colour}"/>' for x, y in at]
     bar_m = max((each for each in SCALE_BARS_M if each <= extent_m / 3.0), default=SCALE_BARS_M[0])
-    y = MAP_PX - EDGE_PX
-    parts.append(f'<path d="M{EDGE_PX} {y}h{bar_m * scale:.1f}" stroke="#555" stroke-width="2"/>')
-    parts.append(f'<text x="{EDGE_PX}" y="{y - 4}">{bar_m} m</text>')
-    return _drawing_svg(MAP_PX, MAP_PX, label, "".join(parts))
+    y = MAP_SIZE_PX - EMPTY_EDGE_PX
+    parts.append(f'<path d="M{EMPTY_EDGE_PX} {y}h{bar_m * scale:.1f}" stroke="#555" stroke-width="2"/>')
+    parts.append(f'<text x="{EMPTY_EDGE_PX}" y="{y - 4}">{bar_m} m</text>')
+    return _drawing_svg(MAP_SIZE_PX, MAP_SIZE_PX, label, "".join(parts))
 
 
 def strip_svg(
@@ -122,7 +122,7 @@ def strip_svg(
         return ""
     low, high = min(float(values.min()), 0.0), float(values.max())
     begin, end = float(axis.time_s[0]), float(axis.time_s[-1])
-    top, bottom, left, right = 18.0, STRIP_HEIGHT_PX - 16.0, 34.0, STRIP_WIDTH_PX - EDGE_PX
+    top, bottom, left, right = 18.0, STRIP_HEIGHT_PX - 16.0, 34.0, STRIP_WIDTH_PX - EMPTY_EDGE_PX
 
     def x_of(time_s: FloatArray) -> FloatArray:
         return left + (time_s - begin) / max(end - begin, 1e-9) * (right - left)

@@ -12,11 +12,11 @@ MAX_TEMPLATE_CHARACTERS = 500
 """The greatest length of the address template, in characters. Chosen by hand; not fitted."""
 MAX_ATTRIBUTION_CHARACTERS = 200
 """The greatest length of the attribution, in characters. Chosen by hand; not fitted."""
-HOST_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]")
+TILE_HOST_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]")
 """Pattern of a host name or an address in brackets."""
-ADDRESS_PATTERN = re.compile(r"[A-Za-z0-9\-._~:/?#\[\]@!$&()*+,=%{}]+")
+TILE_ADDRESS_TEMPLATE_PATTERN = re.compile(r"[A-Za-z0-9\-._~:/?#\[\]@!$&()*+,=%{}]+")
 """Pattern of an address template: the characters of an address without quotes, semicolons and spaces."""
-OPTIONS_EXAMPLE = (
+TILE_OPTIONS_EXAMPLE = (
     "e.g. --tiles 'https://tiles.example.org/{z}/{x}/{y}.png' --tiles-attribution '© the makers of the map'"
 )
 """Example of both options, for hints of errors."""
@@ -45,17 +45,17 @@ def parse_tile_server(template: str | None, attribution: str | None) -> TileServ
     """
     if template is None:
         if attribution is not None:
-            raise UsageError("--tiles-attribution without --tiles", hint=OPTIONS_EXAMPLE)
+            raise UsageError("--tiles-attribution without --tiles", hint=TILE_OPTIONS_EXAMPLE)
         return None
     if not (attribution or "").strip() or len(attribution or "") > MAX_ATTRIBUTION_CHARACTERS:
         what = f"--tiles needs --tiles-attribution: whose map it is, in at most {MAX_ATTRIBUTION_CHARACTERS} characters"
-        raise UsageError(what, hint=OPTIONS_EXAMPLE)
+        raise UsageError(what, hint=TILE_OPTIONS_EXAMPLE)
     try:
         parts = urlsplit(template)
         host, port = parts.hostname or "", parts.port
     except ValueError as error:
         raise _invalid_tiles_error(str(error)) from error
-    if len(template) > MAX_TEMPLATE_CHARACTERS or not ADDRESS_PATTERN.fullmatch(template):
+    if len(template) > MAX_TEMPLATE_CHARACTERS or not TILE_ADDRESS_TEMPLATE_PATTERN.fullmatch(template):
         raise _invalid_tiles_error(f"it holds what no address holds, or more than {MAX_TEMPLATE_CHARACTERS} characters")
     if parts.scheme not in ("http", "https"):
         raise _invalid_tiles_error("it does not begin with http:// or https://")
@@ -66,7 +66,7 @@ def parse_tile_server(template: str | None, attribution: str | None) -> TileServ
         raise _invalid_tiles_error(
             "its host holds an underscore, and browsers take no pictures from such; give its IP address"
         )
-    if not HOST_PATTERN.fullmatch(host):
+    if not TILE_HOST_PATTERN.fullmatch(host):
         raise _invalid_tiles_error("it names no host")
     rest = f"{parts.path}?{parts.query}"
     if parts.fragment or any(rest.count(f"{{{name}}}") != 1 for name in "zxy"):
@@ -79,4 +79,4 @@ def parse_tile_server(template: str | None, attribution: str | None) -> TileServ
 
 def _invalid_tiles_error(why: str) -> UsageError:
     """Return the error for an unusable template."""
-    return UsageError(f"--tiles is not an address of map tiles: {why}", hint=OPTIONS_EXAMPLE)
+    return UsageError(f"--tiles is not an address of map tiles: {why}", hint=TILE_OPTIONS_EXAMPLE)

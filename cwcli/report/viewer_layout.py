@@ -30,9 +30,9 @@ from cwcli.control.encounter import BRAKING_POLICY_NAMES
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.report.viewer_panels import (
+    MessagePathAndLabel,
     Mosaic,
     PanelCollection,
-    Series,
     Settings,
     message_path,
     place_in_column,
@@ -250,7 +250,7 @@ class _LayoutBuilder:
     def build_control_tab(self) -> Mosaic:
         """Build the tab of what each control policy makes of a warning."""
 
-        def series_of_policies(kind: Channel, *names: str) -> list[Series]:
+        def series_of_policies(kind: Channel, *names: str) -> list[MessagePathAndLabel]:
             return [
                 (
                     message_path(kind.with_policy_in_topic(policy).topic, name),
@@ -337,19 +337,19 @@ class _LayoutBuilder:
             name, title, message_path(topic, "x_m[:]"), (message_path(topic, "y_m[:]"), "path")
         )
 
-    def _series_of_state_field(self, name: str) -> list[Series]:
+    def _series_of_state_field(self, name: str) -> list[MessagePathAndLabel]:
         """Return the series of a state's field: of the ego, the others and the truth."""
         sources = [(EGO_STATE.topic, "ego"), (REMOTE_STATE.topic, "others")]
         sources += [(topic, topic) for topic in self.log.truth]
         return [(message_path(topic, name), label) for topic, label in sources]
 
 
-def _series_of_field(channel: Channel, name: str) -> Series:
+def _series_of_field(channel: Channel, name: str) -> MessagePathAndLabel:
     """Return the series of a channel's field."""
     return message_path(channel.topic, name), name
 
 
-def _series_of_fields(channel: Channel, *names: str) -> list[Series]:
+def _series_of_fields(channel: Channel, *names: str) -> list[MessagePathAndLabel]:
     """Return the series of several fields of a channel."""
     return [_series_of_field(channel, name) for name in names]
 

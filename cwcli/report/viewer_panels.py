@@ -19,7 +19,7 @@ PANEL_TYPES = ("3D", "Image", "map", "Plot", "RawMessages", "RosOut", "SourceInf
 
 Mosaic = str | dict[str, Any]
 Settings = dict[str, Any]
-Series = tuple[str, str]
+MessagePathAndLabel = tuple[str, str]
 """A message path and its label."""
 
 _UNQUOTED_TOPIC_PATTERN = re.compile(r"[A-Za-z0-9_/-]+")
@@ -46,7 +46,7 @@ class PanelCollection:
         self.settings_by_panel[panel] = {"foxglovePanelTitle": title, **settings}
         return panel
 
-    def add_plot(self, name: str, title: str, series: Sequence[Series], *, points: bool = False) -> str:
+    def add_plot(self, name: str, title: str, series: Sequence[MessagePathAndLabel], *, points: bool = False) -> str:
         """Add a plot of values over time, as lines or as points."""
         return self.add_panel(
             "Plot",
@@ -57,7 +57,7 @@ class PanelCollection:
             **_PLOT_SETTINGS,
         )
 
-    def add_array_plot(self, name: str, title: str, x_path: str, y_path: Series) -> str:
+    def add_array_plot(self, name: str, title: str, x_path: str, y_path: MessagePathAndLabel) -> str:
         """Add a plot of the latest message's array y over its array x, on equal scales."""
         return self.add_panel(
             "Plot",
@@ -70,7 +70,7 @@ class PanelCollection:
             **_PLOT_SETTINGS | {"isSynced": False},
         )
 
-    def add_state_transitions(self, name: str, title: str, series: Sequence[Series]) -> str:
+    def add_state_transitions(self, name: str, title: str, series: Sequence[MessagePathAndLabel]) -> str:
         """Add a panel that shows when values changed."""
         return self.add_panel("StateTransitions", name, title, paths=_plot_path_settings(series), isSynced=True)
 
@@ -110,7 +110,7 @@ _PLOT_SETTINGS: Settings = {
 """Settings that all plot panels share."""
 
 
-def _plot_path_settings(series: Sequence[Series], *, points: bool = False) -> list[Settings]:
+def _plot_path_settings(series: Sequence[MessagePathAndLabel], *, points: bool = False) -> list[Settings]:
     """Return the plot settings of message paths."""
     more = {"showLine": False} if points else {}
     return [

@@ -11,7 +11,7 @@ REPRODUCED = "reproduced"
 """The class of the paper's number or string within the tolerance, on inputs that were not fitted to it."""
 FITTED = "fitted"
 """The class of what holds on inputs that were chosen so that it holds."""
-FOLLOWS = "follows"
+FOLLOWS_FROM_INPUT = "follows"
 """The class of what was put in, or follows by arithmetic from a value that was put in or assumed."""
 WITHIN_OWN_BOUND = "within own bound"
 """The class of a number within a bound of our own, where the paper prints none."""
@@ -26,7 +26,7 @@ NOT_IN_PAPER = "not in the paper"
 CLASS_MEANINGS: dict[str, str] = {
     REPRODUCED: "the paper's number or string, within the tolerance, on inputs that were not fitted to it",
     FITTED: "it holds on inputs that were chosen so that it holds",
-    FOLLOWS: "it was put in, or follows by arithmetic from a value that was put in or assumed",
+    FOLLOWS_FROM_INPUT: "it was put in, or follows by arithmetic from a value that was put in or assumed",
     WITHIN_OWN_BOUND: "within a bound of our own; the paper prints no number",
     BETTER: "a causal method's number, better than the paper's by more than the tolerance",
     DIFFERS: "another number than the paper's, or outside our own bound",
@@ -34,21 +34,21 @@ CLASS_MEANINGS: dict[str, str] = {
     NOT_IN_PAPER: "the paper prints no such number",
 }
 """Class -> its meaning, in the order of the tables."""
-BINDING_CLASSES = frozenset({REPRODUCED, FITTED, FOLLOWS, WITHIN_OWN_BOUND, BETTER})
+BINDING_CLASSES = frozenset({REPRODUCED, FITTED, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND, BETTER})
 """Classes that must be reached where they are claimed, or the exit code is 1."""
-CLASSES_ON_PAPER_NUMBER = frozenset({REPRODUCED, FITTED, FOLLOWS})
+CLASSES_ON_PAPER_NUMBER = frozenset({REPRODUCED, FITTED, FOLLOWS_FROM_INPUT})
 """Classes of a number that is within the tolerance around the paper's."""
-PAPER_GROUP = ""
+GROUP_OF_PAPER_METHOD = ""
 """The group of the numbers that the paper's own method gives: those that its printed numbers are compared with."""
 GROUP_TITLES: dict[str, str] = {
-    PAPER_GROUP: "The paper's own method",
+    GROUP_OF_PAPER_METHOD: "The paper's own method",
     "repeat": "The same printed numbers on another drive or with another reading",
     "causal": "Our causal filter",
     "default": "Our default",
     "smoother": "Our smoother, which looks ahead",
 }
 """Group of numbers -> its title; each group is counted apart."""
-GROUPS_THAT_MAY_BE_BETTER = frozenset({PAPER_GROUP, "repeat", "causal"})
+GROUPS_THAT_MAY_BE_BETTER = frozenset({GROUP_OF_PAPER_METHOD, "repeat", "causal"})
 """Groups of causal methods. A method that looks ahead is not compared with a filter that does not."""
 ROUNDING_TOLERANCE = 1e-9
 """Numbers may exceed a bound by this much through rounding. Chosen by hand; not fitted."""
@@ -110,7 +110,7 @@ class Expectation:
     assumption_key: str = ""
     reason_key: str = ""
     is_comparable: bool = True
-    group: str = PAPER_GROUP
+    group: str = GROUP_OF_PAPER_METHOD
 
     @property
     def is_printed(self) -> bool:
@@ -159,7 +159,7 @@ class Finding:
         """The class of what agrees with the paper, by what was put in for it."""
         if self.expected.fit_key:
             return FITTED
-        return FOLLOWS if self.expected.assumption_key else REPRODUCED
+        return FOLLOWS_FROM_INPUT if self.expected.assumption_key else REPRODUCED
 
     @property
     def has_failed(self) -> bool:

@@ -16,7 +16,7 @@ from cwcli.reproduction.classes import (
     CLASS_MEANINGS,
     DIFFERS,
     FITTED,
-    FOLLOWS,
+    FOLLOWS_FROM_INPUT,
     GROUP_TITLES,
     GROUPS_THAT_MAY_BE_BETTER,
     NOT_DETERMINABLE,
@@ -33,7 +33,7 @@ EXPECTATION_KEYS = {
 """The keys that a row of an expectations file may have."""
 BEYOND_PAPER_REASON = "beyond"
 """Key of the reason of rows without an expectation, in parts that go beyond the paper."""
-TRIED_WORD = "Tried: "
+TRIED_REASON_PREFIX = "Tried: "
 """A reason for `not determinable` says behind this what was tried."""
 
 
@@ -148,7 +148,7 @@ def parse_expectations(document: Mapping[str, Any]) -> PaperExpectations:
     _check_keys_defined_and_used("assumption", {row.assumption_key for row in every} - {""}, assumptions)
     _check_keys_defined_and_used("reason", {row.reason_key for row in every} - {""} | {BEYOND_PAPER_REASON}, reasons)
     for row in every:
-        if row.claimed_class == NOT_DETERMINABLE and TRIED_WORD not in reasons[row.reason_key]:
+        if row.claimed_class == NOT_DETERMINABLE and TRIED_REASON_PREFIX not in reasons[row.reason_key]:
             raise ValueError(f"{row.figure}, {row.what}: the reason of 'not determinable' does not say what was tried")
     for name, figure in figures.items():
         _check_tolerances_against_spacing(name, figure.expectation_by_number.values())
@@ -223,9 +223,9 @@ def fault_in_claim_or_empty(row: Expectation, *, has_tolerance: bool) -> str:
         "'reproduced' with fitted or assumed inputs": claim == REPRODUCED
         and (row.fit_key != "" or row.assumption_key != ""),
         "'fitted' needs the fit": claim == FITTED and not row.fit_key,
-        "'follows' needs the assumption": claim == FOLLOWS and not row.assumption_key,
+        "'follows' needs the assumption": claim == FOLLOWS_FROM_INPUT and not row.assumption_key,
         "fitted and assumed at once": row.fit_key != "" and row.assumption_key != "",
-        f"'{claim}' needs a number or a bound": claim in {FITTED, FOLLOWS}
+        f"'{claim}' needs a number or a bound": claim in {FITTED, FOLLOWS_FROM_INPUT}
         and not (is_compared or row.has_bound_of_our_own),
         "'within own bound' needs a bound": claim == WITHIN_OWN_BOUND and not row.has_bound_of_our_own,
         "'within own bound' where the paper prints a number, or with fitted or assumed inputs": claim

@@ -14,8 +14,8 @@ from cwcli.pipeline.result import Cell, StageSummary, SummaryTable
 from cwcli.reproduction.classes import (
     BINDING_CLASSES,
     CLASS_MEANINGS,
+    GROUP_OF_PAPER_METHOD,
     GROUP_TITLES,
-    PAPER_GROUP,
     Expectation,
     Finding,
 )
@@ -24,7 +24,7 @@ from cwcli.reproduction.findings import Plot, StudyPart
 
 FINDING_COLUMNS = ("what", "paper", "ours", "tolerance", "class", "why")
 """Headings of the table of findings."""
-TIMES_KEY = "times"
+PROCESSOR_TIMES_SECTION_KEY = "times"
 """Key of the section of processor times, which get no class and stay out of the page: they are the machine's."""
 
 
@@ -124,12 +124,12 @@ def unclaimed_class_notes(findings: Sequence[Finding]) -> tuple[str, ...]:
 
 def findings_of_papers_own_method(findings: Sequence[Finding], figure: str) -> list[Finding]:
     """Return the findings of a figure that the paper's own method gives."""
-    return [f for f in findings if f.expected.figure == figure and f.expected.group == PAPER_GROUP]
+    return [f for f in findings if f.expected.figure == figure and f.expected.group == GROUP_OF_PAPER_METHOD]
 
 
 def printed_numbers_sentence(findings: Sequence[Finding]) -> str:
     """Return the sentence that says how many printed numbers there are, and how many of each class."""
-    printed = [f for f in findings if f.expected.is_printed and f.expected.group == PAPER_GROUP]
+    printed = [f for f in findings if f.expected.is_printed and f.expected.group == GROUP_OF_PAPER_METHOD]
     found = Counter(finding.reached_class for finding in printed)
     counts = ", ".join(f"{found[name]} {name}" for name in CLASS_MEANINGS if found[name])
     return f"{len(printed)} numbers and strings that the paper prints: {counts or 'none'}"
@@ -137,10 +137,10 @@ def printed_numbers_sentence(findings: Sequence[Finding]) -> str:
 
 def class_counts_table(findings: Sequence[Finding]) -> SummaryTable:
     """Count the findings of each class: of printed numbers, of what else the figures hold, and of the other groups."""
-    own = [finding for finding in findings if finding.expected.group == PAPER_GROUP]
+    own = [finding for finding in findings if finding.expected.group == GROUP_OF_PAPER_METHOD]
     printed = Counter(finding.reached_class for finding in own if finding.expected.is_printed)
     others = Counter(finding.reached_class for finding in own if not finding.expected.is_printed)
-    classes_of_findings = Counter(f.reached_class for f in findings if f.expected.group != PAPER_GROUP)
+    classes_of_findings = Counter(f.reached_class for f in findings if f.expected.group != GROUP_OF_PAPER_METHOD)
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (name, printed[name], others[name], classes_of_findings[name], meaning)
         for name, meaning in CLASS_MEANINGS.items()
@@ -154,7 +154,7 @@ def group_sections(findings: Sequence[Finding]) -> tuple[SummaryTable, ...]:
     sections = []
     for group, title in GROUP_TITLES.items():
         found = [f for f in findings if f.expected.group == group]
-        if group != PAPER_GROUP and found:
+        if group != GROUP_OF_PAPER_METHOD and found:
             rows = tuple((f.expected.figure, *finding_cells(f)) for f in found)
             sections.append(SummaryTable(f"group_{group}", title, ("figure", *FINDING_COLUMNS), rows))
     return tuple(sections)

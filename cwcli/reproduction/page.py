@@ -10,7 +10,7 @@ from cwcli.reproduction.classes import NOT_IN_PAPER, Finding
 from cwcli.reproduction.expectations import PaperFigure
 from cwcli.reproduction.findings_report import (
     FINDING_COLUMNS,
-    TIMES_KEY,
+    PROCESSOR_TIMES_SECTION_KEY,
     Reproduction,
     class_counts_table,
     finding_cells,
@@ -134,7 +134,15 @@ def _format_findings(table: SummaryTable) -> list[str]:
 def sections_at_page_end(reproduction: Reproduction) -> list[SummaryTable]:
     """Return the tables at the end of the page: what a study adds to its findings, without this machine's times."""
     figures = {name.replace(" ", "_") for name in reproduction.expectations.figures}
-    elsewhere = {"fits", "assumptions", "reasons", "classes", TIMES_KEY, *figures, *KEYS_OF_REPEATED_SECTIONS}
+    elsewhere = {
+        "fits",
+        "assumptions",
+        "reasons",
+        "classes",
+        PROCESSOR_TIMES_SECTION_KEY,
+        *figures,
+        *KEYS_OF_REPEATED_SECTIONS,
+    }
     return [
         section
         for section in reproduction.summary.sections

@@ -45,7 +45,7 @@ UNIT_NAMES_BY_DBC_SPELLING = {
 }
 """The unit names of mappings, by their spelling in DBC files."""
 
-WORD_BYTES = b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-+"
+BYTES_OF_DBC_WORDS = b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-+"
 """The bytes of words and numbers in DBC files."""
 MAX_DBC_TOKENS = 2_000_000
 """The largest number of words, numbers and marks in a DBC file: cantools holds each as an object of about 100 bytes.
@@ -196,7 +196,7 @@ def _require_bounded_dbc(data: bytes, text: str) -> None:
     octets = np.frombuffer(data, np.uint8)
     is_in_text = np.logical_xor.accumulate(octets == ord('"')) if len(octets) else np.zeros(0, np.bool_)
     is_blank = (octets <= ord(" ")) | is_in_text
-    is_word = np.isin(octets, np.frombuffer(WORD_BYTES, np.uint8)) | (octets >= 128)
+    is_word = np.isin(octets, np.frombuffer(BYTES_OF_DBC_WORDS, np.uint8)) | (octets >= 128)
     begins = is_word & ~np.concatenate([[False], (is_word & ~is_blank)[:-1]])
     n_tokens = int(np.count_nonzero((begins | ~is_word) & ~is_blank))
     if n_tokens > MAX_DBC_TOKENS:

@@ -22,7 +22,7 @@ ComplexArray = npt.NDArray[np.complex128]
 MIN_SPEED_FOR_COURSE_MPS = 1.5
 """Speed in m/s below which the yaw counts, because the noise of a velocity decides its course: people walk at 1.4
 m/s."""
-HALF_COURSE_WEIGHT_SPEED_MPS = 5.0
+SPEED_OF_HALF_COURSE_WEIGHT_MPS = 5.0
 """Speed in m/s at which a course has a weight of one half: its noise is that of the velocity by the speed. Chosen by
 hand."""
 MIN_MOVING_ROWS_FOR_MOUNTING = 20
@@ -125,7 +125,7 @@ def find_yaw_mounting(
     turning = np.where(np.isfinite(yaw_rate_radps[use]), yaw_rate_radps[use], 0.0)
     regressors = np.column_stack([np.ones(len(left)), -turning / speed, turning * speed])
     constant, sigma = _huber_intercept_and_sigma(
-        left, regressors, speed**2 / (speed**2 + HALF_COURSE_WEIGHT_SPEED_MPS**2)
+        left, regressors, speed**2 / (speed**2 + SPEED_OF_HALF_COURSE_WEIGHT_MPS**2)
     )
     return YawMounting(wrap_angle(constant - axis), sigma, len(left))
 

@@ -52,7 +52,7 @@ JSON_BSM_PREFIXES = (
     "payload.data.MessageFrame.value.BasicSafetyMessage.",
 )
 """The path prefixes behind which a JSON message can have a BSM."""
-REVERSE_GEAR_OBJECT_PATHS = ("coreData.transmission.reverseGears", "coreData.transmission.REVERSEGEARS")
+REVERSE_GEAR_AS_OBJECT_PATHS = ("coreData.transmission.reverseGears", "coreData.transmission.REVERSEGEARS")
 """The leaf fields of an enumeration written as an object (`{"reverseGears": ""}`), as in JSON made from XER."""
 ODE_SOURCE_PATH = "metadata.bsmSource"
 """The leaf field in which the ODE says who sent a BSM."""
@@ -60,14 +60,14 @@ ODE_OWN_SOURCE = "ev"
 """The text of that field for the recording vehicle, in lower case."""
 M_PER_ODE_SIZE_STEP = 0.01
 """One step of a vehicle size in the ODE's messages, in metres."""
-EVENT_PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
+QUANTITIES_OF_EVENT_PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
 """The quantities that give place and time of an event flag."""
 JSON_LEAF_FIELDS = (
     ODE_SOURCE_PATH,
     *dict.fromkeys(
         prefix + leaf
         for prefix in JSON_BSM_PREFIXES
-        for leaf in (*JSON_RAW_PATHS.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_OBJECT_PATHS)
+        for leaf in (*JSON_RAW_PATHS.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_AS_OBJECT_PATHS)
     ),
     *bsm_flags.json_event_flag_paths(JSON_BSM_PREFIXES),
 )
@@ -127,7 +127,7 @@ def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, 
         for each in (JSON_RAW_PATHS, JSON_ODE_PATHS):
             if prefix + each["latitude_deg"] in columns.fields:
                 paths = {name: prefix + leaf for name, leaf in each.items()}
-    value = {name: read_numbers(columns, paths[name]) for name in EVENT_PLACE_AND_TIME}
+    value = {name: read_numbers(columns, paths[name]) for name in QUANTITIES_OF_EVENT_PLACE_AND_TIME}
     if paths["latitude_deg"].endswith(JSON_RAW_PATHS["latitude_deg"]):
         value = _decode_place_codes_of_events(value)
     return _make_flag_events_and_unreadable(
@@ -141,7 +141,7 @@ def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, 
 def read_ros_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `j2735_v2x_msgs/BSM` channel."""
     value = _decode_place_codes_of_events(
-        {name: read_numbers(columns, ROS_PATHS[name]) for name in EVENT_PLACE_AND_TIME}
+        {name: read_numbers(columns, ROS_PATHS[name]) for name in QUANTITIES_OF_EVENT_PLACE_AND_TIME}
     )
     return _make_flag_events_and_unreadable(
         columns, bsm_flags.read_ros_event_flags_and_unreadable(columns), identify_ros_senders(columns).station, value
@@ -257,7 +257,7 @@ def _unfilled_yaw_rate_mask(values_by_quantity: dict[str, FloatArray], station: 
 def _reverse_gear_mask(columns: Columns, path: str, prefix: str) -> BoolArray:
     """Return where the gear is reverse: as a name, as the number 3, or as an object with that name."""
     is_named = accepted_text_mask(read_texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS_CODE))
-    as_object = read_texts(columns, *(prefix + leaf for leaf in REVERSE_GEAR_OBJECT_PATHS))
+    as_object = read_texts(columns, *(prefix + leaf for leaf in REVERSE_GEAR_AS_OBJECT_PATHS))
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
 
 

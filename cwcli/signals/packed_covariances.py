@@ -20,7 +20,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.precision import round_to_binary_digits, round_to_binary_step
 
 Float32Array = npt.NDArray[np.float32]
-SIGMA_BINARY_DIGITS = 9
+BINARY_DIGITS_OF_PACKED_SIGMA = 9
 """The number of binary digits of a sigma: a relative step of 0.2 %. Chosen by hand."""
 CORRELATION_BINARY_DIGITS = 9
 """The number of binary digits of a correlation: a step of 2^-9. Chosen by hand."""
@@ -160,7 +160,7 @@ def _sigmas_and_correlations_of_block(covariance: FloatArray) -> tuple[FloatArra
         full = covariance[:, above[0], above[1]] / (exact[:, above[0]] * exact[:, above[1]])
     is_finite = np.isfinite(exact).all(axis=1) & (exact > 0.0).all(axis=1) & np.isfinite(full).all(axis=1)
     sigma, correlation = (
-        round_to_binary_digits(exact, SIGMA_BINARY_DIGITS),
+        round_to_binary_digits(exact, BINARY_DIGITS_OF_PACKED_SIGMA),
         round_to_binary_step(full, CORRELATION_BINARY_DIGITS),
     )
     close = np.flatnonzero(

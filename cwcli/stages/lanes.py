@@ -76,7 +76,7 @@ COLOUR_DECODING_INTERVAL_NS = 1_000_000_000
 """Interval at which a frame is also decoded in colour [ns], which costs twice as much as grey; chosen by hand."""
 MAX_FRAME_GAP_OF_SEARCH_NS = 500_000_000
 """Longest gap between two frames [ns] over which a search goes on; chosen by hand."""
-NUMBERS_PER_FRAME = 8
+NUMBERS_PER_FRAME_ENTRY = 8
 """Length of a frame's entry in `_numbers`: index, log time, stamp, number, two image sizes [px]."""
 
 Rows = npt.NDArray[np.intp]
@@ -399,7 +399,7 @@ class _LaneSearchRun:
 
     def build_lane_frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
         """Return all used frames with their boundaries in the image and on the road."""
-        numbers = np.array(self._numbers, np.int64).reshape(-1, NUMBERS_PER_FRAME)
+        numbers = np.array(self._numbers, np.int64).reshape(-1, NUMBERS_PER_FRAME_ENTRY)
         fits = self._recorder.to_columns()
         image_size, search_size = numbers[:, 4:6], numbers[:, 6:8]
         horizon_px = np.full(len(fits), np.nan)

@@ -40,7 +40,7 @@ EXAMPLES = (
     "cwcli warn predicted.mcap --rules cwcli,ttc -o warned.mcap",
 )
 """Command lines that the help of `cwcli warn` shows."""
-EVALUATION_WORDS = {
+TEXT_BY_EVALUATION_OUTCOME = {
     "evaluated": "evaluated",
     "out_of_reach": "too far away to collide within the horizon",
     "no_message_received_yet": "no message received yet",
@@ -203,7 +203,7 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
     )
     names = ("event", "vehicle", "at [s]", "event in [s]", "predicted closest [m]")
     counts: tuple[tuple[Cell, ...], ...] = tuple(
-        (CellWithValues(EVALUATION_WORDS[name], {"": name.replace("_", " ")}), count)
+        (CellWithValues(TEXT_BY_EVALUATION_OUTCOME[name], {"": name.replace("_", " ")}), count)
         for name, count in found.evaluation_counts_by_outcome.items()
     )
     counts += (("warnings withheld", found.n_withheld),)

@@ -21,7 +21,7 @@ from cwcli.tracking.tune import TunedFilter, scale_sigmas, tune_noise
 
 TargetCountChoice = Literal["auto", "one", "many"]
 """Number of targets as the user gives it."""
-UNSCALED_SIGMAS: Mapping[str, tuple[float, ...]] = {}
+NO_SIGMA_FACTORS: Mapping[str, tuple[float, ...]] = {}
 """Factors on the sigmas of each sensor where no noise was tuned: an empty mapping, so that no sigma is scaled."""
 MAX_GATED_SHARE_OF_SINGLE_TARGET = 0.1
 """Greatest share of detections outside the gate of a single target; a larger one means more targets. Chosen by hand;
@@ -84,7 +84,7 @@ def track_one_target(
     sensors: Mapping[str, SensorModel] | None = None,
     config: TrackerConfig | None = None,
     ego: EgoStates | None = None,
-    scale: Mapping[str, tuple[float, ...]] = UNSCALED_SIGMAS,
+    scale: Mapping[str, tuple[float, ...]] = NO_SIGMA_FACTORS,
 ) -> TrackResult:
     """Track one target that every detection belongs to (xiang2019); the filter starts at the first detection.
 
@@ -126,7 +126,7 @@ def track_many_targets(
     sensors: Mapping[str, SensorModel] | None = None,
     config: TrackerConfig | None = None,
     ego: EgoStates | None = None,
-    scale: Mapping[str, tuple[float, ...]] = UNSCALED_SIGMAS,
+    scale: Mapping[str, tuple[float, ...]] = NO_SIGMA_FACTORS,
 ) -> TrackResult:
     """Track any number of targets: gating, global nearest neighbour, births and deaths, then each track by itself.
 
@@ -270,7 +270,7 @@ def track_targets_online(
     }
     track = track_one_target if how == "one" else track_many_targets
     return track(
-        detections, found, replace(config, single=single), ego, UNSCALED_SIGMAS if tuned is None else tuned.scale
+        detections, found, replace(config, single=single), ego, NO_SIGMA_FACTORS if tuned is None else tuned.scale
     )
 
 

@@ -23,7 +23,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.lane_model import MIDDLE, WIDTH, ImageLane, LeftRightProbabilities
 
-LOG_ODDS_COEFFICIENTS = np.array([9.64, 1.7, 3.18, -26.59])
+BOUNDARY_LOG_ODDS_WEIGHTS = np.array([9.64, 1.7, 3.18, -26.59])
 """Weights of the four features (1, root of support, logarithm of objective, root of clutter) in the log-odds. Fitted on
 rendered frames, noise, and 20 labelled frames in 47 kinds of weather, damage and size, some of them upside down
 (tests/studies/lane_reliability.py); the other 20 labelled frames were not used."""
@@ -85,7 +85,7 @@ def boundary_probabilities(
         carried_side: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
             objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
-    coefficients: list[float] = LOG_ODDS_COEFFICIENTS.tolist()
+    coefficients: list[float] = BOUNDARY_LOG_ODDS_WEIGHTS.tolist()
     left, right = (
         (1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE)
         / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))

@@ -51,7 +51,7 @@ MIN_SAMPLED_HEIGHT_PX = 8.0
 """Least height up to which boundaries are sampled, in pixels above the image's bottom. Chosen by hand; not fitted."""
 MIN_DRAWN_BOUNDARY_TOP_HEIGHT_PX = 2.0
 """Least height at which a drawn boundary ends, in pixels above the image's bottom. Chosen by hand; not fitted."""
-N_JOINT_PARAMETERS = 7
+N_PARAMETERS_OF_BOTH_BOUNDARIES_AND_PITCH = 7
 """Number of parameters of the joint covariance (`LaneFit.covariance`): a, b, c of both boundaries, and the pitch."""
 MIN_SAMPLE_DISTANCE_M = 2.0
 """Least distance at which boundaries are sampled, in metres. Chosen by hand; not fitted."""
@@ -242,7 +242,7 @@ def _lane_geometry_of_block(fits: FitColumns, camera: Camera, preview_m: float, 
         _ground_place_slope_curvature_and_used_samples(parabolas + step, mount, camera, beside_px, use)[0]
         for step in np.diag(PARABOLA_DERIVATIVE_STEPS)
     ]
-    of_fit = np.zeros((n, 3, N_JOINT_PARAMETERS))
+    of_fit = np.zeros((n, 3, N_PARAMETERS_OF_BOTH_BOUNDARIES_AND_PITCH))
     for side in range(2):
         jacobian = np.empty((n, 3, 3))
         for k, moved_body in enumerate(moved_bodies):

@@ -45,7 +45,7 @@ N_ROW_SEGMENTS = 9
 """Number of stretches of rows in which the evidence along a boundary is counted. Chosen by hand; not fitted."""
 MAX_SAMPLED_ROWS = 150
 """Greatest number of sampled rows. Chosen by hand: it bounds the time of a frame."""
-ROW_COUNTER: FloatArray = np.arange(float(MAX_SAMPLED_ROWS))
+SAMPLED_ROW_NUMBERS: FloatArray = np.arange(float(MAX_SAMPLED_ROWS))
 """The numbers 0, 1, 2, ... of sampled rows, made once."""
 STRIPE_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS = (0.04, 0.085, 0.08)
 """Widths of a stripe's window, of the gap beside it and of the side windows, over the camera's height. The window is 6
@@ -69,7 +69,7 @@ rendered frames (docs/lanes.md)."""
 MAX_JOINT_DISTANCE_IN_CAMERA_HEIGHTS = 0.08
 """Greatest distance of a joint from the boundary that it supports, over the camera's height (10 cm): markings and dots
 are laid some centimetres beside joints. Chosen in sight of 40 labelled frames."""
-NEIGHBOUR_WEIGHT = 0.5
+NEIGHBOURING_LANE_WEIGHT = 0.5
 """Weight of the neighbouring lanes' boundaries in the objective. Chosen by hand; not fitted."""
 EVIDENCE_SHARE_COUNTING_ONE_HALF = 0.3
 """Share of evidence in a stretch of rows at which the stretch counts one half. Chosen by hand; not fitted."""
@@ -126,7 +126,7 @@ class StripeEvidence:
     min_depth_px: float
     pinhole: Pinhole
 
-    def scoring_settings(self, *, neighbour_weight: float = NEIGHBOUR_WEIGHT) -> lane_ridge.Scoring:
+    def scoring_settings(self, *, neighbour_weight: float = NEIGHBOURING_LANE_WEIGHT) -> lane_ridge.Scoring:
         """Settings with which the kernel judges lanes on this evidence, with a weight for neighbouring lanes."""
         segment = len(self.rows) // N_ROW_SEGMENTS
         return {
@@ -146,7 +146,7 @@ def sampled_road_rows(top_px: float, height_px: int) -> Int32Array:
     top = min(max(float(top_px), 0.0), last - 2.0 * N_ROW_SEGMENTS)
     n = min(max(int(SAMPLED_ROW_SHARE * (last - top)), 2 * N_ROW_SEGMENTS), MAX_SAMPLED_ROWS)
     step = (last - top) / (n - 1)  # more than one row
-    return np.rint(top + step * ROW_COUNTER[:n]).astype(np.int32)
+    return np.rint(top + step * SAMPLED_ROW_NUMBERS[:n]).astype(np.int32)
 
 
 class EvidenceSource(Protocol):
@@ -243,7 +243,7 @@ def best_lanes_of_grid(
     bend_step = 0.024 * width_px * (0.1 * height_px)
     n = int(np.clip(np.ceil(3.3 * table[BEND, SIGMA] / bend_step), 1, 24))
     bends: FloatArray = np.asarray(table[BEND, MEAN] + bend_step * np.arange(-n, n + 1), np.float64)
-    most = (1.5 if NEIGHBOUR_WEIGHT else 0.5) * table[WIDTH, HIGH] + max(
+    most = (1.5 if NEIGHBOURING_LANE_WEIGHT else 0.5) * table[WIDTH, HIGH] + max(
         abs(table[MIDDLE, LOW]), abs(table[MIDDLE, HIGH])
     )
     place_step = max(SCAN_PLACE_STEP_IN_CAMERA_HEIGHTS, most / MAX_SCAN_PLACES_PER_SIDE)
@@ -281,7 +281,7 @@ def refine_lanes(
     *,
     use_wide_evidence: bool,
     step_scale: float = 1.0,
-    neighbour_weight: float = NEIGHBOUR_WEIGHT,
+    neighbour_weight: float = NEIGHBOURING_LANE_WEIGHT,
 ) -> tuple[ImageLanes, FloatArray]:
     """Refine lanes by a pattern search from each; returns the lanes, shape (k, 6), and their objectives, shape (k,).
 

@@ -58,7 +58,7 @@ MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS = 1.5
 """Greatest lateral speed of a boundary where the car's motion is not known, in m/s: that of a swift lane change."""
 MAX_WIDENING_SPEED_MPS = 0.6
 """Greatest rate at which a lane's width changes, in m/s: a taper of 1 : 40 at 25 m/s."""
-MOVEMENT_MARGIN_M = 0.02
+MARGIN_OF_BOUNDARY_MOVEMENT_M = 0.02
 """Distance that a boundary may move in addition, in metres: the grain of the paint. Chosen by hand; not fitted."""
 MIN_ASSUMED_FRAME_INTERVAL_S = 0.02
 """Least time step that the limits of a boundary's movement assume, in seconds. Chosen by hand; not fitted."""
@@ -80,7 +80,7 @@ UNPREDICTED_TURN_DISTANCE_M = 10.0
 MIN_SPEED_WITHOUT_NEW_BENDS_MPS = 20.0
 """Speed in m/s from which lanes have no change of curvature and new bends are not searched: a change of one sigma moves
 a boundary 20 m ahead by less than 0.17 m, and with few raised dots that freedom finds lanes that are not there."""
-PIVOT_ROW_SHARE = 0.6
+BEND_PIVOT_ROW_SHARE = 0.6
 """Row in which bends are varied without moving the lane, as a share of the way from the horizon to the image's bottom:
 7 m ahead of a wide camera. Chosen by hand; not fitted."""
 PITCH_CANDIDATES_SIGMAS = np.array([0.0, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -4.5, 4.5])
@@ -176,7 +176,7 @@ def curvature_candidates(lane: ImageLane, prior: LanePrior, table: LanePriorTabl
         prior: The prior of a followed lane; the sigma of its change of curvature is the grid's unit.
         table: The prior's table around the prediction; candidates stay within its limits.
     """
-    t, sigma = 1.0 / (PIVOT_ROW_SHARE * (height_px - float(lane[HORIZON]))), float(prior.table[SPIRAL, SIGMA])
+    t, sigma = 1.0 / (BEND_PIVOT_ROW_SHARE * (height_px - float(lane[HORIZON]))), float(prior.table[SPIRAL, SIGMA])
     spirals, bends = sigma * SPIRAL_CANDIDATES_SIGMAS, sigma * t * BEND_CANDIDATES_SIGMAS
     candidates = np.empty((len(bends), len(lane)))
     candidates[:] = lane
@@ -286,7 +286,7 @@ def narrow_prior_table(
     for k in (VANISHING, BEND):  # the prior of a first frame, anew in every frame, would flatten every bend
         rows[k][MEAN], rows[k][SIGMA] = predicted_at[k], sigma[k]
     for k, rate_mps in ((MIDDLE, sideways_mps), (WIDTH, MAX_WIDENING_SPEED_MPS)):
-        reach = (rate_mps * dt_s + MOVEMENT_MARGIN_M) * prior.place_units_per_m
+        reach = (rate_mps * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M) * prior.place_units_per_m
         _, _, low, high = rows[k]
         place = min(max(predicted_at[k], low), high)
         rows[k][LOW], rows[k][HIGH] = max(place - reach, low), min(place + reach, high)

@@ -12,8 +12,8 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import StripeEvidence, best_lane_on_wide_evidence, lane_objectives, refine_lanes
 from cwcli.vision.lane_following import (
+    MARGIN_OF_BOUNDARY_MOVEMENT_M,
     MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS,
-    MOVEMENT_MARGIN_M,
     curvature_candidates,
     has_lines_at_boundaries,
     max_boundary_difference_m,
@@ -123,7 +123,7 @@ def choose_tight_or_gentle_bend(
         prior: The prior of gentle bends.
     """
     gentle, last = refine_predicted_lane(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=False)
-    reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MOVEMENT_MARGIN_M
+    reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
     if (
         tight_lane_and_objective[1] <= last + MIN_OBJECTIVE_GAIN_TO_SWITCH
         and max_boundary_difference_m(gentle, tight_lane_and_objective[0], prior, size[1]) <= reach_m

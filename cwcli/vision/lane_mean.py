@@ -59,7 +59,7 @@ def _evenly_spread_points_of_standard_normal_5d(n: int) -> FloatArray:
     return np.array([[inverse(min(max(each, 1e-4), 1.0 - 1e-4)) for each in row] for row in evenly.tolist()])
 
 
-NORMAL_POINTS = _evenly_spread_points_of_standard_normal_5d(N_SAMPLE_POINTS)
+STANDARD_NORMAL_POINTS = _evenly_spread_points_of_standard_normal_5d(N_SAMPLE_POINTS)
 """Evenly spread points of the five-dimensional standard normal distribution, in sigmas, shape (192, 5), equal in every
 run."""
 
@@ -83,14 +83,14 @@ def weighted_mean_lane(
     sigmas = FIRST_ROUND_SIGMA_SHARES * np.array([width_px] * 4 + [height_px])
     mean, covariance = _columns_bend_and_horizon_from_lane(lane, *rows_px), np.diag(sigmas**2)
     for _ in range(N_FITTING_ROUNDS):
-        points = mean + NORMAL_POINTS @ np.linalg.cholesky(covariance).T
+        points = mean + STANDARD_NORMAL_POINTS @ np.linalg.cholesky(covariance).T
         value = objectives_of_lanes(_image_lanes_from_row_columns(points, *rows_px, spiral))
         if value.max() < -1e20:  # all beyond the bounds
             break
         # a point that lies where few do stands for more
-        exponent = (value - value.max()) / OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E + 0.5 * (NORMAL_POINTS**2).sum(
-            axis=1
-        )
+        exponent = (value - value.max()) / OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E + 0.5 * (
+            STANDARD_NORMAL_POINTS**2
+        ).sum(axis=1)
         weight = np.exp(exponent - exponent.max())
         weight /= weight.sum()
         mean = weight @ points

@@ -32,10 +32,10 @@ from cwcli.vision.lane_detect import (
     search_rival_lanes,
 )
 from cwcli.vision.lane_following import (
+    MARGIN_OF_BOUNDARY_MOVEMENT_M,
     MAX_LATERAL_SPEED_MPS,
     MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS,
     MIN_SPEED_WITHOUT_NEW_BENDS_MPS,
-    MOVEMENT_MARGIN_M,
     boundary_difference_beside_camera_m,
     driven_rightward_curvature_or_nan_1pm,
     lane_change_between_left_1_right_minus_1,
@@ -102,7 +102,7 @@ LINE_UPDATE_INTERVAL_FRAMES = 2
 differ. Chosen by hand; not fitted."""
 RIVAL_PRIOR_SIGMA_FACTOR = 0.3
 """Factor of the prior's sigmas of direction and bend in the search for rival lanes. Chosen by hand; not fitted."""
-MIN_LOST_FRAMES, MIN_LOST_S = 5, 0.5
+MIN_FRAMES_WITHOUT_LANE_TO_GIVE_UP, MIN_TIME_WITHOUT_LANE_TO_GIVE_UP_S = 5, 0.5
 """A lane is given up when it has not been found in at least so many frames and for at least so many seconds. Chosen by
 hand; not fitted."""
 MAX_SEARCH_PAUSE_FRAMES = 16
@@ -421,7 +421,7 @@ class LaneTracker:
         if len(self._hypotheses) > 1:
             is_seen = max(chances) >= MIN_FOUND_PROBABILITY
             patience_s = MIN_BETTER_BEFORE_SWITCH_S if is_seen else 0.0
-            reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MOVEMENT_MARGIN_M
+            reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
             rivals = self._hypotheses[1:]
             if is_seen and first.line_pair is not None:  # what a line that leaves makes of the lane is none
                 rivals = [each for each in rivals if first.line_pair.may_be_replaced_by(each.lane, self._prior)]
@@ -442,7 +442,7 @@ class LaneTracker:
                 self._odds = self._covariance = None
                 if (
                     boundary_difference_beside_camera_m(best.lane, other, self._prior)
-                    > MAX_LATERAL_SPEED_MPS * dt_s + MOVEMENT_MARGIN_M
+                    > MAX_LATERAL_SPEED_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
                 ):
                     self._steady_s = 0.0
                 if not self._prior.is_mounting_known:
@@ -493,9 +493,14 @@ class LaneTracker:
         else:
             self._n_lost += 1
             self._lost_s += dt_s
-            if self._n_lost >= MIN_LOST_FRAMES and self._lost_s >= MIN_LOST_S:
+            if (
+                self._n_lost >= MIN_FRAMES_WITHOUT_LANE_TO_GIVE_UP
+                and self._lost_s >= MIN_TIME_WITHOUT_LANE_TO_GIVE_UP_S
+            ):
                 self._hypotheses, self._covariance = [], None
-                self._pause = min(2 ** min(self._n_lost - MIN_LOST_FRAMES, 8), MAX_SEARCH_PAUSE_FRAMES)
+                self._pause = min(
+                    2 ** min(self._n_lost - MIN_FRAMES_WITHOUT_LANE_TO_GIVE_UP, 8), MAX_SEARCH_PAUSE_FRAMES
+                )
                 return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         sides = []
         for side in range(2):

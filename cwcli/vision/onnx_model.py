@@ -48,7 +48,7 @@ Float32Array = npt.NDArray[np.float32]
 
 SEGMENTATION, ROW_ANCHOR = "segmentation", "row-anchor"
 """The kinds of nets: one marks lane pixels, the other gives columns at fixed rows."""
-CHANNELS_OF_COLOUR = {"grey": 1, "rgb": 3}
+N_CHANNELS_BY_COLOUR = {"grey": 1, "rgb": 3}
 """Number of input channels of each colour setting."""
 ACTIVATION_NAMES = ("softmax", "sigmoid", "none")
 """The values of `activation` in a net's description: what turns a segmentation's output into probabilities; `none`, if
@@ -64,11 +64,11 @@ MAX_INPUT_SIDE_PX = 4096
 """Greatest width and height of a net's input in pixels. Chosen by hand; not fitted."""
 MARKING_SIGMA_PX = 2.0
 """Sigma in pixels of the input of the stripe that replaces a row anchor's column. Chosen by hand; not fitted."""
-SHARED_KEYS = {"kind", "size", "colour", "mean", "std", "top", "output"}
+DESCRIPTION_KEYS_OF_BOTH_MODEL_KINDS = {"kind", "size", "colour", "mean", "std", "top", "output"}
 """Keys that the descriptions of both kinds may have."""
-KEYS_OF_KIND = {
-    SEGMENTATION: SHARED_KEYS | {"classes", "lanes", "activation"},
-    ROW_ANCHOR: SHARED_KEYS | {"axes", "rows", "cells", "lanes"},
+DESCRIPTION_KEYS_BY_MODEL_KIND = {
+    SEGMENTATION: DESCRIPTION_KEYS_OF_BOTH_MODEL_KINDS | {"classes", "lanes", "activation"},
+    ROW_ANCHOR: DESCRIPTION_KEYS_OF_BOTH_MODEL_KINDS | {"axes", "rows", "cells", "lanes"},
 }
 """Keys that the description of each kind may have."""
 
@@ -266,14 +266,14 @@ def read_net_description(path: Path) -> NetDescription:
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=str(path)) from None
     reader = _DescriptionReader(path, table)
-    kind = reader.read_choice("kind", tuple(KEYS_OF_KIND))
+    kind = reader.read_choice("kind", tuple(DESCRIPTION_KEYS_BY_MODEL_KIND))
     for key in table:
-        if key not in KEYS_OF_KIND[kind]:
+        if key not in DESCRIPTION_KEYS_BY_MODEL_KIND[kind]:
             raise reader.error_about_key(
-                key, f"is unknown for {kind}", f"known: {', '.join(sorted(KEYS_OF_KIND[kind]))}"
+                key, f"is unknown for {kind}", f"known: {', '.join(sorted(DESCRIPTION_KEYS_BY_MODEL_KIND[kind]))}"
             )
     width_px, height_px = reader.read_numbers("size", 2, 8, MAX_INPUT_SIDE_PX, whole=True)
-    channels = CHANNELS_OF_COLOUR[reader.read_choice("colour", tuple(CHANNELS_OF_COLOUR))]
+    channels = N_CHANNELS_BY_COLOUR[reader.read_choice("colour", tuple(N_CHANNELS_BY_COLOUR))]
     shape = NetDescription(
         kind=kind,
         width_px=int(width_px),

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.collision_probability import UncertainPaths, collision_probability, is_touch_improbable
-from cwcli.measures.outlines import Size
+from cwcli.measures.outlines import LengthAndWidthM
 from cwcli.signals.columns import FloatArray, sort_distinct_values
 from cwcli.warning.remote_alignment import PlacesOnPaths
 from cwcli.warning.types import PathArrays
@@ -35,8 +35,8 @@ class PathPairs:
     host_row: Rows
     other_row: Rows
     age_s: FloatArray
-    host_size: Size
-    other_size: Size
+    host_size: LengthAndWidthM
+    other_size: LengthAndWidthM
 
     def select_rows(self, rows: Rows) -> PathPairs:
         """Some of the pairs."""

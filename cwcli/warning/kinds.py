@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.outlines import Size
+from cwcli.measures.outlines import LengthAndWidthM
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE, X, Y
@@ -71,7 +71,11 @@ def kind_of_each_warning(states: PairStates) -> npt.NDArray[np.int8]:
 
 
 def _follower_mask(
-    host_states: FloatArray, ahead_m: FloatArray, left_m: FloatArray, angle_rad: FloatArray, sizes: tuple[Size, Size]
+    host_states: FloatArray,
+    ahead_m: FloatArray,
+    left_m: FloatArray,
+    angle_rad: FloatArray,
+    sizes: tuple[LengthAndWidthM, LengthAndWidthM],
 ) -> npt.NDArray[np.bool_]:
     """Whether the other follows the host in its lane, (m,)."""
     (length_m, width_m), (other_length_m, other_width_m) = sizes
@@ -88,7 +92,7 @@ def _drives_parallel_at_distance_mask(
     other_states: FloatArray,
     left_m: FloatArray,
     angle_rad: FloatArray,
-    host_and_other_size: tuple[Size, Size],
+    host_and_other_size: tuple[LengthAndWidthM, LengthAndWidthM],
 ) -> npt.NDArray[np.bool_]:
     """Whether both drive straight and parallel, the same way or opposite, at a clear lateral distance, (m,)."""
     skew_rad = np.abs(np.where(np.abs(angle_rad) > 0.5 * np.pi, np.pi - np.abs(angle_rad), angle_rad))

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.measures.outlines import Size, outline_separation_m
+from cwcli.measures.outlines import LengthAndWidthM, outline_separation_m
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.remote_alignment import PathPoints
@@ -31,7 +31,7 @@ class PairStates:
     host: FloatArray
     other: FloatArray
     says_hard_braking: npt.NDArray[np.bool_]
-    sizes: tuple[Size, Size]
+    sizes: tuple[LengthAndWidthM, LengthAndWidthM]
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,8 @@ def measure_paths(
     *,
     horizon_s: float,
     radius_m: float,
-    host_size: Size,
-    other_size: Size,
+    host_size: LengthAndWidthM,
+    other_size: LengthAndWidthM,
 ) -> Measures:
     """Compute the measures from points of both paths at the times `time_s` (q,), which begin at 0 and hold `horizon_s`.
 
@@ -226,7 +226,7 @@ def _first_overlap_time_s(
     other: PathPoints,
     time_s: FloatArray,
     near_rows: np.ndarray,
-    host_and_other_size: tuple[Size, Size],
+    host_and_other_size: tuple[LengthAndWidthM, LengthAndWidthM],
 ) -> FloatArray:
     """Time (s) of the first overlap of the outlines, (m,), linear between points; infinity outside `near_rows`."""
     out = np.full(len(relative_x_m), np.inf)

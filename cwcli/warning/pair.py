@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.measures.outlines import Size
+from cwcli.measures.outlines import LengthAndWidthM
 from cwcli.signals.columns import BoolArray, FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.braking_horizon import measure_to_braking_horizon
@@ -37,7 +37,7 @@ REACH_BEYOND_COLLISION_DISTANCE_M = 15.0
 hand."""
 NEAR_BEYOND_COLLISION_DISTANCE_M = 6.0
 """Distance in m beyond the collision distance up to which a pair is measured at every path point. Chosen by hand."""
-COARSE_POINT_STRIDE = 5
+PATH_POINT_STRIDE_OF_DISTANT_PAIRS = 5
 """Stride of the path points at which pairs that are not near are measured: every fifth. Chosen by hand."""
 MAX_STANDSTILL_SPEED_MPS = 0.5
 """Speed in m/s below which a vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not
@@ -302,12 +302,14 @@ def _measures_and_short_paths_coarse_then_fine(
     at_moments: OtherRowsPathRowsAges,
     time_s: FloatArray,
     config: WarningConfig,
-    sizes: tuple[Size, Size],
+    sizes: tuple[LengthAndWidthM, LengthAndWidthM],
 ) -> tuple[Measures, BoolArray]:
     """Measure all rows at every fifth point, near ones at every point; also find paths that end too early, (m,)."""
     horizon_index = int(np.searchsorted(time_s, config.horizon_s - 1e-9))
     thinned = sort_distinct_values(
-        np.concatenate([np.arange(0, len(time_s), COARSE_POINT_STRIDE), [horizon_index, len(time_s) - 1]])
+        np.concatenate(
+            [np.arange(0, len(time_s), PATH_POINT_STRIDE_OF_DISTANT_PAIRS), [horizon_index, len(time_s) - 1]]
+        )
     )
     coarse, beyond = _measures_and_short_paths_at_times(host_points, paths, at_moments, time_s, thinned, config, sizes)
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_BEYOND_COLLISION_DISTANCE_M)
@@ -326,7 +328,7 @@ def _measures_and_short_paths_at_times(
     time_s: FloatArray,
     chosen: Rows,
     config: WarningConfig,
-    sizes: tuple[Size, Size],
+    sizes: tuple[LengthAndWidthM, LengthAndWidthM],
 ) -> tuple[Measures, BoolArray]:
     """Measure the rows at the chosen times, and find those whose paths end too early, (m,)."""
     host_row, other_row, age_s = at_moments

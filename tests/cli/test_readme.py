@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.importing.readers import KIND_MODULES
+from cwcli.importing.readers import DESCRIPTION_PLACE_BY_FILE_KIND
 from tests.cli.conftest import ROOT, SAMPLES, Run
 from tests.unit.importing.files import can_asc, csv_logger, sensor_logger
 
@@ -66,7 +66,7 @@ def test_every_kind_that_is_named_can_be_imported() -> None:
         if word not in {"", "a phone", "CAN traces"}
     ]
     assert sorted(named) == sorted(KIND_BY_WORD)
-    assert {KIND_BY_WORD[word] for word in named} <= set(KIND_MODULES)
+    assert {KIND_BY_WORD[word] for word in named} <= set(DESCRIPTION_PLACE_BY_FILE_KIND)
 
 
 def test_commands_of_the_table_run(cwcli: Run, tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from cwcli.reproduction.classes import (
     CLASS_MEANINGS,
     DIFFERS,
     FITTED,
-    FOLLOWS,
+    FOLLOWS_FROM_INPUT,
     NOT_DETERMINABLE,
     NOT_IN_PAPER,
     REPRODUCED,
@@ -104,7 +104,7 @@ def planted_deviations(finding: Finding) -> list[Finding]:
     row, number = finding.expected, finding.measured
     if row.paper_text:
         return [Finding(row, replace(number, text=number.text[::-1] + "1"))]
-    if finding.reached_class in {REPRODUCED, FITTED, FOLLOWS, WITHIN_OWN_BOUND}:
+    if finding.reached_class in {REPRODUCED, FITTED, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND}:
         low = max(row.at_least, -math.inf if row.paper_range is None else row.paper_range[0] - row.tolerance)
         high = min(row.at_most, math.inf if row.paper_range is None else row.paper_range[1] + row.tolerance)
         off = 0.01 * max(abs(number.ours), 1e-3)
@@ -227,8 +227,13 @@ NAN = math.nan
         ),
         (replace(ROW, claimed_class=WITHIN_OWN_BOUND, paper_range=None, at_most=2.0), (2.1, NAN, NAN), DIFFERS, True),
         (replace(ROW, claimed_class=NOT_IN_PAPER, paper_range=None), (2.1, NAN, NAN), NOT_IN_PAPER, False),
-        (replace(ROW, claimed_class=FOLLOWS, assumption_key="a"), (1.1, NAN, NAN), FOLLOWS, False),
-        (replace(ROW, claimed_class=FOLLOWS, assumption_key="a"), (1.2, NAN, NAN), DIFFERS, True),
+        (
+            replace(ROW, claimed_class=FOLLOWS_FROM_INPUT, assumption_key="a"),
+            (1.1, NAN, NAN),
+            FOLLOWS_FROM_INPUT,
+            False,
+        ),
+        (replace(ROW, claimed_class=FOLLOWS_FROM_INPUT, assumption_key="a"), (1.2, NAN, NAN), DIFFERS, True),
         (replace(ROW, better_direction="lower", group="smoother"), (0.8, 0.7, 0.8), DIFFERS, True),
         (SAID, (1.0, NAN, NAN), FITTED, False),
         (SAID, (0.0, NAN, NAN), DIFFERS, True),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.reproduction.classes import BETTER, DIFFERS, FOLLOWS, WITHIN_OWN_BOUND, Finding
+from cwcli.reproduction.classes import BETTER, DIFFERS, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.song2016.estimation import ESTIMATOR_LABELS, QUANTITY_LABELS, table1_error_rows, table1_part
 from cwcli.reproduction.song2016.methods import measure_vehicle
@@ -34,7 +34,7 @@ def findings() -> dict[str, dict[tuple[str, str], Finding]]:
             for quantity in QUANTITY_LABELS
         }
         levels = [finding for what, finding in by_text.items() if "change" not in what]
-        assert [finding.reached_class for finding in levels] == [FOLLOWS] * 5 + [BETTER] * 3 + [DIFFERS] * 2
+        assert [finding.reached_class for finding in levels] == [FOLLOWS_FROM_INPUT] * 5 + [BETTER] * 3 + [DIFFERS] * 2
         assert len(by_text) == len(found[scenario]) + 10 == 30
     return found
 

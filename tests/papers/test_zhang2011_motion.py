@@ -8,7 +8,15 @@ import pytest
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.reproduction.classes import DIFFERS, FITTED, FOLLOWS, NOT_IN_PAPER, REPRODUCED, WITHIN_OWN_BOUND, Finding
+from cwcli.reproduction.classes import (
+    DIFFERS,
+    FITTED,
+    FOLLOWS_FROM_INPUT,
+    NOT_IN_PAPER,
+    REPRODUCED,
+    WITHIN_OWN_BOUND,
+    Finding,
+)
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.zhang2011.drives import DRIVE_BY_FIGURE, drive_errors_part
@@ -38,7 +46,7 @@ def test_the_worked_example() -> None:
     found = findings(worked_example_part())
     assert found["eq 13, f(v) - 1 over v^2, half load"].reached_class == REPRODUCED
     for state in ("v_y", "gamma", "y_L", "e_L"):
-        assert found[f"eq 22, blend of the two printed observers: {state}"].reached_class == FOLLOWS
+        assert found[f"eq 22, blend of the two printed observers: {state}"].reached_class == FOLLOWS_FROM_INPUT
     for state, reached in (("v_y", FITTED), ("gamma", FITTED), ("y_L", DIFFERS), ("e_L", DIFFERS)):
         assert found[f"eq 22, car at 88 km/h: {state}"].reached_class == reached
     assert found["eq 22, observer of 80 km/h at 88 km/h: v_y"].reached_class == DIFFERS

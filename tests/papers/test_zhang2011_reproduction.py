@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.reproduction.findings_report import TIMES_KEY
+from cwcli.reproduction.findings_report import PROCESSOR_TIMES_SECTION_KEY
 from cwcli.reproduction.zhang2011.lane_drives import (
     N_JUDGED_FRAMES,
     N_UNSTABLE_FRAMES,
@@ -91,5 +91,5 @@ def test_the_study_does_not_depend_on_the_number_of_processes() -> None:
 def test_times_stand_apart_from_what_is_the_same_in_every_run() -> None:
     study = run_lane_study(N_JUDGED_FRAMES)
     assert len(study.times.rows) == len(PHASE_FRAME_RANGES) * len(methods_without_model())
-    assert study.times.key == TIMES_KEY  # no class, and not on the page
+    assert study.times.key == PROCESSOR_TIMES_SECTION_KEY  # no class, and not on the page
     assert {each.figure for each in study.shares_part.numbers} == {"conclusion 1"}

@@ -34,7 +34,7 @@ from cwcli.vision.boundary import Boundary
 from cwcli.vision.boundary_probability import (
     CLEAR_VOTE_SHARE,
     PROBABILITY_OF_WELL_SEEN_OTHER_LINE,
-    LOG_ODDS_COEFFICIENTS,
+    BOUNDARY_LOG_ODDS_WEIGHTS,
     LOG_ODDS_PER_VOTE_SHARE,
     probability_features_of_left_and_right,
 )
@@ -238,7 +238,7 @@ def main() -> None:
     fit_on = [samples(seed, n) for seed in FIT_SEEDS]
     rendered = np.concatenate([each[0] for each in fit_on]), np.concatenate([each[1] for each in fit_on])
     made = fitted_on_both(rendered, varied_samples(0, VARIED_SEEDS[0]))
-    in_use = np.array([*LOG_ODDS_COEFFICIENTS, LOG_ODDS_PER_VOTE_SHARE, PROBABILITY_OF_WELL_SEEN_OTHER_LINE])
+    in_use = np.array([*BOUNDARY_LOG_ODDS_WEIGHTS, LOG_ODDS_PER_VOTE_SHARE, PROBABILITY_OF_WELL_SEEN_OTHER_LINE])
     print("coefficients and lapse", np.round(made, 2).tolist(), "in use", in_use.tolist())
     real_x, real_right = varied_samples(1, VARIED_SEEDS[1])
     print("varied pictures of the other half:")

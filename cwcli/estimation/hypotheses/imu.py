@@ -75,7 +75,7 @@ GYRO_UNIT_HYPOTHESES = (
     ),
 )
 """Hypotheses on the unit of a gyroscope."""
-SIGN_HYPOTHESES = (
+IMU_SIGN_HYPOTHESES = (
     _scale_hypothesis(
         "accel-reversed", "accel sign", "has an accelerometer with the wrong sign", "reversed", -1.0, 1.0
     ),
@@ -84,7 +84,7 @@ SIGN_HYPOTHESES = (
 """Two hypotheses: that the accelerometer has the wrong sign, and that the gyroscope has."""
 IMU_AXES_HYPOTHESES = tuple(axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
-IMU = (*ACCEL_UNIT_HYPOTHESES, *GYRO_UNIT_HYPOTHESES, *SIGN_HYPOTHESES, *IMU_AXES_HYPOTHESES)
+IMU_HYPOTHESES = (*ACCEL_UNIT_HYPOTHESES, *GYRO_UNIT_HYPOTHESES, *IMU_SIGN_HYPOTHESES, *IMU_AXES_HYPOTHESES)
 """Hypotheses on units, signs and axes of a source of `Kind.IMU`."""
 
 

@@ -11,15 +11,15 @@ def _axes_hypothesis(
     return Hypothesis(name, "axes", fault, action, (east, north), (0.0, 0.0))
 
 
-UNLESS_TURNS_ARE_MIRRORED = "with the wrong sign, unless all that measures turns has it"
+MIRRORED_MAP_FAULT_ENDING = "with the wrong sign, unless all that measures turns has it"
 """End of the fault of a mirrored map: relative motion does not tell it from mirrored headings and turn rates."""
-POSITION = (
+POSITION_HYPOTHESES = (
     _axes_hypothesis("north-east", "has north before east", "axes exchanged", (0.0, 1.0), (1.0, 0.0)),
     _axes_hypothesis(
-        "west-north", f"has its longitude or east {UNLESS_TURNS_ARE_MIRRORED}", "mirrored", (-1.0, 0.0), (0.0, 1.0)
+        "west-north", f"has its longitude or east {MIRRORED_MAP_FAULT_ENDING}", "mirrored", (-1.0, 0.0), (0.0, 1.0)
     ),
     _axes_hypothesis(
-        "east-south", f"has its latitude or north {UNLESS_TURNS_ARE_MIRRORED}", "mirrored", (1.0, 0.0), (0.0, -1.0)
+        "east-south", f"has its latitude or north {MIRRORED_MAP_FAULT_ENDING}", "mirrored", (1.0, 0.0), (0.0, -1.0)
     ),
 )
 """Hypotheses on the axes of `Kind.POSITION`: exchanged or mirrored."""

@@ -9,7 +9,7 @@ from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.unread import refuse_unread_format
 from cwcli.importing.text_file import no_text_error
 
-KIND_MODULES = {
+DESCRIPTION_PLACE_BY_FILE_KIND = {
     "parquet": "parquet:KIND",
     "zip": "phone:KIND",
     "video": "video:KIND",
@@ -34,7 +34,7 @@ KIND_MODULES = {
 
 def load_kind(name: str) -> ImportKind:
     """Return a kind by its name."""
-    module, _, attribute = KIND_MODULES[name].partition(":")
+    module, _, attribute = DESCRIPTION_PLACE_BY_FILE_KIND[name].partition(":")
     kind: ImportKind = getattr(import_module(f"cwcli.importing.readers.{module}"), attribute)
     return kind
 
@@ -49,7 +49,7 @@ def find_kind(path: str) -> str:
     if not head.data:
         raise InputError("it is empty", where=path)
     refuse_unread_format(head)
-    for name in KIND_MODULES:
+    for name in DESCRIPTION_PLACE_BY_FILE_KIND:
         if load_kind(name).accepts(head):
             return name
     raise no_text_error(path)

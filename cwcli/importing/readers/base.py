@@ -70,7 +70,7 @@ class FileHead:
         return () if self.text is None else tuple(line.strip() for line in self.text.lines if line.strip())[:200]
 
 
-Read = Callable[[str, Answers], Sequence[SourceTable | Recording]]
+ReadTablesOfFile = Callable[[str, Answers], Sequence[SourceTable | Recording]]
 """Reader of a file: its tables, and what becomes channels as it is."""
 
 
@@ -88,4 +88,4 @@ class ImportKind:
     summary: str
     suffixes: tuple[str, ...]
     accepts: Callable[[FileHead], bool]
-    read: Read
+    read: ReadTablesOfFile

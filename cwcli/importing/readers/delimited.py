@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import DataError, InputError
-from cwcli.importing.tables import Answers, Batch, Question, SourceTable
+from cwcli.importing.tables import Answers, ColumnsOfRows, Question, SourceTable
 from cwcli.importing.text_file import TextHead, decode_head, no_text_error, read_head
 from cwcli.importing.units import is_unit_text
 from cwcli.lazy_dataclass import dataclass
@@ -71,7 +71,7 @@ def read_delimited_table(
     layout = find_separator_names_and_units(head, where)
     notes: list[str] = []
 
-    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[ColumnsOfRows]:
         return iter_text_rows(path if data is None else data, head, layout, columns, (where, notes))
 
     return SourceTable(path, part, kind, layout.names, read_column_batches, units=layout.units, notes=notes)
@@ -226,7 +226,7 @@ def iter_text_rows(
     layout: TextLayout,
     columns: Sequence[str],
     where_and_notes: tuple[str, list[str]],
-) -> Iterator[Batch]:
+) -> Iterator[ColumnsOfRows]:
     """Yield the rows, all cells as text."""
     import pyarrow as pa
     import pyarrow.compute as pc

@@ -12,7 +12,7 @@ from typing import Any
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.importing.bounded_xml import iter_xml_events
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable
+from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, Question, SourceTable
 
 TRACK_POINTS_PER_BATCH = 50_000
 """Number of track points in a batch of rows. Chosen by hand: a batch takes a few megabytes."""
@@ -52,7 +52,7 @@ def _read_gpx_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     columns = tuple(name for name in PRESET_BY_COLUMN if name in {"time", "lat", "lon"} or name in found)
     notes: list[str] = []
 
-    def read_column_batches(names: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(names: Sequence[str]) -> Iterator[ColumnsOfRows]:
         import pyarrow as pa
 
         rows: list[dict[str, str]] = []

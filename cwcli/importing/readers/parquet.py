@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cwcli.errors import InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.csv_table import with_presets_if_cwcli_table
-from cwcli.importing.tables import Answers, Batch, SourceTable
+from cwcli.importing.tables import Answers, ColumnsOfRows, SourceTable
 
 if TYPE_CHECKING:
     from cwcli.importing.cells import ArrowArray
@@ -46,7 +46,7 @@ def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
         name: (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace") for name, field in fields.items()
     }
 
-    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[ColumnsOfRows]:
         try:
             for batch in file.iter_batches(ROWS_PER_BATCH, columns=list(columns)):
                 yield {name: _arrow_column_as_plain_values(_leaf_column(batch, name)) for name in columns}

@@ -25,7 +25,7 @@ from cwcli.importing.cells import read_number_cells_and_count_bad, read_whole_un
 from cwcli.importing.names import split_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited_table
-from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
+from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, SourceTable
 from cwcli.importing.times import MAX_STAMP_NS, parse_start_ns
 from cwcli.text import format_count
 
@@ -157,7 +157,7 @@ def _add_gravity(sources: dict[str, SourceTable]) -> None:
         return
     total = {axis: first[axis] + second[axis] for axis in "xyz"} | {"time": first["time"]}
 
-    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[ColumnsOfRows]:
         yield {name: total[name] for name in columns}
 
     part = f"{linear.part} with {gravity.part}"

@@ -14,7 +14,7 @@ from cwcli.errors import InputError
 from cwcli.importing.cells import read_whole_units_fraction_and_validity
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import TextLayout, iter_text_rows
-from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
+from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, SourceTable
 from cwcli.importing.text_file import decode_head, no_text_error, read_head
 from cwcli.importing.times import (
     Instants,
@@ -36,7 +36,7 @@ PRESET_BY_COLUMN = {
     "Q": Preset("ignored"),
 }
 """Column -> the quantity and unit that the format fixes."""
-FIRST, SECOND, STAMP = "date or week", "clock or seconds", "time"
+FIRST_TIME_CELL_NAME, SECOND_TIME_CELL_NAME, JOINED_TIME_COLUMN_NAME = "date or week", "clock or seconds", "time"
 """Names of the two cells of the time, and of the time that is made of them."""
 JST_OFFSET_S = 9 * 3600
 """Offset of Japan's time from UTC, s."""
@@ -68,21 +68,33 @@ def _read_rtklib_table(path: str, answers: Answers) -> Sequence[SourceTable]:
             where=path,
             hint="let RTKLIB write `Lat/Lon/Height` with decimal degrees",
         )
-    layout = TextLayout(" ", (FIRST, SECOND, *names), {}, at + 1)
+    layout = TextLayout(" ", (FIRST_TIME_CELL_NAME, SECOND_TIME_CELL_NAME, *names), {}, at + 1)
     notes: list[str] = []
 
-    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
-        plain = [name for name in columns if name != STAMP]
-        for batch in iter_text_rows(path, head, layout, [*plain, FIRST, SECOND], (path, notes)):
+    def read_column_batches(columns: Sequence[str]) -> Iterator[ColumnsOfRows]:
+        plain = [name for name in columns if name != JOINED_TIME_COLUMN_NAME]
+        for batch in iter_text_rows(
+            path, head, layout, [*plain, FIRST_TIME_CELL_NAME, SECOND_TIME_CELL_NAME], (path, notes)
+        ):
             columns_read = (
-                {STAMP: _utc_ns_of_time_cells(batch[FIRST], batch[SECOND], scale)} if STAMP in columns else {}
+                {
+                    JOINED_TIME_COLUMN_NAME: _utc_ns_of_time_cells(
+                        batch[FIRST_TIME_CELL_NAME], batch[SECOND_TIME_CELL_NAME], scale
+                    )
+                }
+                if JOINED_TIME_COLUMN_NAME in columns
+                else {}
             )
             yield {**{name: batch[name] for name in plain}, **columns_read}
 
     presets = {name: PRESET_BY_COLUMN.get(name, Preset("ignored")) for name in names}
-    presets[STAMP] = Preset("time", "ns")
+    presets[JOINED_TIME_COLUMN_NAME] = Preset("time", "ns")
     notes.append({"GPST": "GPS time, converted to UTC", "JST": "Japan's time, converted to UTC"}.get(scale, "UTC"))
-    return [SourceTable(path, "", "rtklib", (STAMP, *names), read_column_batches, presets=presets, notes=notes)]
+    return [
+        SourceTable(
+            path, "", "rtklib", (JOINED_TIME_COLUMN_NAME, *names), read_column_batches, presets=presets, notes=notes
+        )
+    ]
 
 
 def _utc_ns_of_time_cells(first: object, second: object, scale: str) -> np.ndarray:

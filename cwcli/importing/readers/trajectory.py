@@ -16,7 +16,7 @@ import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.tables import Answers, Batch, Preset, Question, SourceTable
+from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, Question, SourceTable
 from cwcli.importing.text_file import iter_text_lines
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
@@ -94,7 +94,7 @@ def read_tum_poses(path: str, answers: Answers) -> Sequence[SourceTable]:
     """Return the poses of a TUM file."""
     notes: list[str] = []
 
-    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[ColumnsOfRows]:
         import pyarrow as pa
 
         for rows in iter_number_lines(path, 8, notes):

@@ -38,7 +38,7 @@ MAX_UBX_MESSAGE_BYTES = UBX_MESSAGE_HEAD_STRUCT.size + 0xFFFF + UBX_CHECKSUM_BYT
 """The greatest length of a message."""
 BYTES_READ_AT_ONCE = 1 << 20
 """Number of bytes that are read at a time, 1 MiB. Chosen by hand."""
-DATE_AND_TIME_VALID, FIX_OK = 0b11, 0b1
+DATE_AND_TIME_VALID, FIX_OK_FLAG_BIT = 0b11, 0b1
 """The bits of the fields valid and flags that say that date, time and fix can be used."""
 LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX = 0, 5
 """Values of the field fixType of NAV-PVT that have no position: no fix, and time only (u-blox protocol
@@ -145,7 +145,7 @@ def _append_solution_or_count(rows: list[tuple[float, ...]], counts: Counter[str
     if valid & DATE_AND_TIME_VALID != DATE_AND_TIME_VALID:
         counts["no time"] += 1
         return
-    if fix in {LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX} or not flags & FIX_OK:
+    if fix in {LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX} or not flags & FIX_OK_FLAG_BIT:
         counts["no fix"] += 1
         return
     try:

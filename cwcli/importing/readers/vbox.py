@@ -17,7 +17,7 @@ from cwcli.importing.cells import read_number_cells_and_count_bad, read_whole_un
 from cwcli.importing.names import quantities_of_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import TextLayout, iter_text_rows
-from cwcli.importing.tables import Answers, Batch, Preset, SourceTable
+from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, SourceTable
 from cwcli.importing.text_file import decode_head, no_text_error, read_head
 from cwcli.importing.times import Instants, parse_start_ns, times_of_day_from_digits
 from cwcli.importing.units import find_unit
@@ -64,7 +64,7 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     day_ns, notes = _day_and_notes(lines, answers)
     last_ns = [0, 0]  # time of day of the last row, and the midnights before it
 
-    def read_column_batches(columns: Sequence[str]) -> Iterator[Batch]:
+    def read_column_batches(columns: Sequence[str]) -> Iterator[ColumnsOfRows]:
         last_ns[:] = [0, 0]
         for batch in iter_text_rows(path, head, layout, list(columns), (path, notes)):
             columns_read: dict[str, object] = {}

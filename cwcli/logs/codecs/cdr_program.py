@@ -93,14 +93,14 @@ class CdrProgram:
     has_loops: bool
 
 
-Wants = Callable[[str, bool], bool]
+IsLeafWanted = Callable[[str, bool], bool]
 """A function that tells whether a leaf is wanted, from its path and whether it is a sequence of octets."""
 
 
 def compile_cdr_program(
     root: str,
     definitions: Definitions,
-    wants: Wants,
+    wants: IsLeafWanted,
     *,
     blobs: frozenset[str] = frozenset(),
     max_align: int = MAX_ALIGNMENT_XCDR1_BYTES,
@@ -128,7 +128,7 @@ class _Compiler:
     """Collects operations and leaves; the position so far is `residue` modulo `modulus`, for the alignment."""
 
     definitions: Definitions
-    wants: Wants
+    wants: IsLeafWanted
     blobs: frozenset[str]
     max_align: int
     operations: list[list[int]] = field(default_factory=list)

@@ -12,7 +12,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, Int64Array, NumericArray, Ragged, Strings
 
 ByteArray = npt.NDArray[np.uint8]
-SPAN_BYTES = 16
+BYTES_PER_START_AND_LENGTH = 16
 """Size in bytes of a span: start and length as int64."""
 
 
@@ -100,7 +100,7 @@ class StringColumnBuffer:
     def row_zero_address(self, first_row: int, n: int) -> int:
         """Return the memory address that row 0 would have if the spans covered all rows, not only the batch."""
         self.spans = np.zeros((n, 2), np.int64)
-        return memory_address(self.spans) - SPAN_BYTES * first_row
+        return memory_address(self.spans) - BYTES_PER_START_AND_LENGTH * first_row
 
     def resolve_batch_spans(self, batch_bytes: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: replace its spans by codes."""

@@ -19,9 +19,9 @@ from cwcli.logs.codecs.json_columns import (
     TAG_ABSENT,
     TAG_ARRAY,
     TAG_INTERNED_STRING,
-    Elements,
     JsonColumnBuffer,
     LeafBuffers,
+    TagsAndValuesOfElements,
     tag_and_int64_bits_of_scalar,
 )
 from cwcli.logs.codecs.json_tree import JsonKey, KeyTree, Tables, iter_nested_elements
@@ -89,7 +89,7 @@ class JsonDecoder:
         status = np.zeros(n, np.uint8)
         self._decode_and_learn_keys(payloads, status)
         is_ok = status == kernel.STATUS_OK
-        instead: list[dict[int, Elements]] = [{} for _ in self._slots]
+        instead: list[dict[int, TagsAndValuesOfElements]] = [{} for _ in self._slots]
         for row in np.flatnonzero(~is_ok).tolist():
             is_ok[row] = self._decode_with_json_module(payloads.message_bytes(row), row, int(status[row]), instead)
         for path in self._blobs:
@@ -197,7 +197,7 @@ class JsonDecoder:
         self._tables = self._tree.to_kernel_tables()
 
     def _decode_with_json_module(
-        self, message: bytes, row: int, status: int, json_elements_by_row: list[dict[int, Elements]]
+        self, message: bytes, row: int, status: int, json_elements_by_row: list[dict[int, TagsAndValuesOfElements]]
     ) -> bool:
         """Decode one message with the json module; return whether that was possible."""
         try:
@@ -226,7 +226,7 @@ class JsonDecoder:
         value: dict[str, object],
         keys: dict[str, JsonKey],
         row: int,
-        json_elements_by_row: list[dict[int, Elements]],
+        json_elements_by_row: list[dict[int, TagsAndValuesOfElements]],
         *,
         in_array: bool,
     ) -> None:
@@ -236,7 +236,13 @@ class JsonDecoder:
                 self._store_value(inner, key, row, json_elements_by_row, in_array=in_array)
 
     def _store_value(
-        self, value: object, key: JsonKey, row: int, json_elements_by_row: list[dict[int, Elements]], *, in_array: bool
+        self,
+        value: object,
+        key: JsonKey,
+        row: int,
+        json_elements_by_row: list[dict[int, TagsAndValuesOfElements]],
+        *,
+        in_array: bool,
     ) -> None:
         slot = self._get_or_create_leaf_column(key.slot) if key.slot >= 0 else None
         if isinstance(value, dict):
@@ -269,6 +275,6 @@ class JsonDecoder:
             slot.tags[self._n + row], slot.values_as_int64_bits[self._n + row] = tag_and_int64_bits_of_scalar(value)
 
 
-def _count_elements_or_zero(json_elements_by_row: list[dict[int, Elements]], slot: int, row: int) -> int:
+def _count_elements_or_zero(json_elements_by_row: list[dict[int, TagsAndValuesOfElements]], slot: int, row: int) -> int:
     """Return how many elements the json module has found for a column in a row."""
     return len(json_elements_by_row[slot][row][0]) if slot >= 0 and row in json_elements_by_row[slot] else 0

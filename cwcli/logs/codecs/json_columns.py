@@ -48,7 +48,7 @@ MAX_INT64 = (1 << 63) - 1
 TagArray = npt.NDArray[np.uint8]
 MAX_CONTIGUOUS_BUFFER_BYTES = 64 << 20
 """The greatest size in bytes of one allocation for the elements of several leaves. Chosen by hand."""
-Elements = tuple[list[int], list[int]]
+TagsAndValuesOfElements = tuple[list[int], list[int]]
 """The tags and the values of the elements of one message."""
 
 
@@ -165,7 +165,7 @@ class JsonColumnBuffer:
         self,
         payloads: Payloads,
         first_row: int,
-        json_elements_by_row: Mapping[int, Elements],
+        json_elements_by_row: Mapping[int, TagsAndValuesOfElements],
         n_kernel_elements: int,
         no_counts: Int64Array,
     ) -> None:
@@ -187,7 +187,7 @@ class JsonColumnBuffer:
             self._intern_batch_strings(payloads, first_row)
 
     def _store_elements(
-        self, payloads: Payloads, n_kernel_elements: int, json_elements_by_row: Mapping[int, Elements]
+        self, payloads: Payloads, n_kernel_elements: int, json_elements_by_row: Mapping[int, TagsAndValuesOfElements]
     ) -> None:
         counts = np.diff(self._room.cursors[self._leaf], prepend=0)
         tags = self._room.element_tags[self._leaf][:n_kernel_elements].copy()

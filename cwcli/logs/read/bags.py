@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 MAX_LOG_TIME_NS = (1 << 64) - 1
 """The greatest log time in ns: the format has 64 bits for it (MCAP specification)."""
 
-Message = tuple[int, int, bytes | memoryview]
+ChannelTimePayload = tuple[int, int, bytes | memoryview]
 """The channel id, the log time in ns and the payload of a message."""
-Content = Schema | Channel | Message
+Content = Schema | Channel | ChannelTimePayload
 
 
 def convert_bag(
@@ -106,7 +106,7 @@ def _iter_ros2_content(
             yield item if isinstance(item, Schema | Channel) else _validate_message(*item)
 
 
-def _validate_message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> Message:
+def _validate_message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> ChannelTimePayload:
     """Return a message, after a check that its time fits in a log and its payload is bytes.
 
     Raises:

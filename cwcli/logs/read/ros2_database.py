@@ -26,7 +26,7 @@ from cwcli.logs.read.ros_definitions import MAX_CHANNELS, iter_schemas_and_chann
 if TYPE_CHECKING:
     from cwcli.logs.read.source_format import SourceFormat
 
-CDR_FORMAT = "cdr"
+READABLE_SERIALIZATION_FORMAT = "cdr"
 """The serialization format of a topic that can be read."""
 MAX_NAMES_SHOWN = 5
 """The number of topics, or of their ids, that a note lists. Chosen by hand."""
@@ -37,7 +37,7 @@ STORED_COLUMN_CODE = 0
 MAX_DEFINITIONS_BYTES = 16_000_000
 """The greatest size of all definitions of a database. Chosen by hand."""
 
-NEEDED_COLUMNS = {
+NEEDED_COLUMNS_BY_TABLE = {
     "topics": {"id", "name", "type", "serialization_format"},
     "messages": {"topic_id", "timestamp", "data"},
 }
@@ -77,7 +77,7 @@ def iter_database_content(
         UsageError: The package is not installed that knows the message types.
     """
     topics = _read_topics(database)
-    usable = [each for each in topics if each.serialization_format.lower() == CDR_FORMAT]
+    usable = [each for each in topics if each.serialization_format.lower() == READABLE_SERIALIZATION_FORMAT]
     yield from iter_schemas_and_channels(
         usable, *_load_definitions_by_type_and_type_store(database, file.name), source.notes
     )
@@ -155,7 +155,7 @@ def _read_topics(database: sqlite3.Connection) -> list[TopicRow]:
     Raises:
         ValueError: A table or a column is missing or computed, or there are more topics than channel ids.
     """
-    for table, needed in NEEDED_COLUMNS.items():
+    for table, needed in NEEDED_COLUMNS_BY_TABLE.items():
         columns = _table_column_names(database, table)
         if not columns:
             raise ValueError(f"it has no table of {table}")
@@ -166,7 +166,9 @@ def _read_topics(database: sqlite3.Connection) -> list[TopicRow]:
     for number, (topic_id, topic, kind, serialization) in enumerate(database.execute(query), 1):
         if number > MAX_CHANNELS:
             raise ValueError(f"it has more than {MAX_CHANNELS} topics, for which a log has room")
-        found.append(TopicRow(number, topic_id, str(topic), str(kind), str(serialization or CDR_FORMAT)))
+        found.append(
+            TopicRow(number, topic_id, str(topic), str(kind), str(serialization or READABLE_SERIALIZATION_FORMAT))
+        )
     return found
 
 
@@ -217,7 +219,7 @@ def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: d
         notes[f"messages that belong to no topic (topic id{'s' if len(unknown) > 1 else ''} {shown})"] = n
     by_format: dict[str, list[TopicRow]] = {}
     for each in topics:
-        if each.serialization_format.lower() != CDR_FORMAT:
+        if each.serialization_format.lower() != READABLE_SERIALIZATION_FORMAT:
             by_format.setdefault(_shorten_value(each.serialization_format), []).append(each)
     for name, others in by_format.items():
         n = sum(counts[each.topic_id] for each in others)

@@ -52,15 +52,15 @@ SQLITE_LIMITS = {
     "SQLITE_LIMIT_WORKER_THREADS": 0,
 }
 """The limits that SQLite's authors advise for databases of unknown origin (https://www.sqlite.org/security.html)."""
-SAFE_PRAGMAS = ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0")
+SAFETY_PRAGMAS_ADVISED_BY_SQLITE = ("trusted_schema = OFF", "cell_size_check = ON", "mmap_size = 0")
 """The settings that they advise."""
-READ_TABLES = frozenset({"sqlite_master", "topics", "messages", "message_definitions"})
+READABLE_DATABASE_TABLES = frozenset({"sqlite_master", "topics", "messages", "message_definitions"})
 """The tables that are read."""
-READ_FUNCTIONS = frozenset({"count", "min"})
+CALLABLE_SQL_FUNCTIONS = frozenset({"count", "min"})
 """The functions that queries may call."""
-READ_PRAGMAS = frozenset({"table_xinfo", "wal_checkpoint"})
+READABLE_PRAGMAS = frozenset({"table_xinfo", "wal_checkpoint"})
 """The pragmas that queries may use: one describes a table, one writes a journal into a private copy."""
-MIN_STEPS, STEPS_PER_BYTE, STEPS_PER_CALL = 1_000_000, 8, 10_000
+MIN_ALLOWED_QUERY_STEPS, ALLOWED_QUERY_STEPS_PER_FILE_BYTE, QUERY_STEPS_BETWEEN_CHECKS = 1_000_000, 8, 10_000
 """A query may take this number of steps of SQLite's machine, and so many more for each byte of the file; it is asked
 each so many steps. Chosen by hand: a row takes about ten steps and has at least eight bytes."""
 
@@ -156,7 +156,7 @@ def _open_connection(uri: str, max_value_bytes: int, n_bytes: int) -> sqlite3.Co
     for name, limit in SQLITE_LIMITS.items():
         database.setlimit(getattr(sqlite3, name), limit)
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max_value_bytes)
-    for pragma in SAFE_PRAGMAS:
+    for pragma in SAFETY_PRAGMAS_ADVISED_BY_SQLITE:
         database.execute(f"PRAGMA {pragma}")
     database.set_authorizer(_sqlite_permission_of_action)
     _limit_query_steps(database, n_bytes)
@@ -169,23 +169,23 @@ def _sqlite_permission_of_action(
     """Allow reading the named tables, with a few functions and pragmas, and nothing through a view or a trigger."""
     is_allowed = inner is None and (
         action == sqlite3.SQLITE_SELECT
-        or (action == sqlite3.SQLITE_READ and (first or "").lower() in READ_TABLES)
-        or (action == sqlite3.SQLITE_FUNCTION and second in READ_FUNCTIONS)
-        or (action == sqlite3.SQLITE_PRAGMA and first in READ_PRAGMAS)
+        or (action == sqlite3.SQLITE_READ and (first or "").lower() in READABLE_DATABASE_TABLES)
+        or (action == sqlite3.SQLITE_FUNCTION and second in CALLABLE_SQL_FUNCTIONS)
+        or (action == sqlite3.SQLITE_PRAGMA and first in READABLE_PRAGMAS)
     )
     return sqlite3.SQLITE_OK if is_allowed else sqlite3.SQLITE_DENY
 
 
 def _limit_query_steps(database: sqlite3.Connection, n_bytes: int) -> None:
     """Stop a database whose queries take more steps than a file of `n_bytes` can have rows for."""
-    n_left = (MIN_STEPS + STEPS_PER_BYTE * n_bytes) // STEPS_PER_CALL
+    n_left = (MIN_ALLOWED_QUERY_STEPS + ALLOWED_QUERY_STEPS_PER_FILE_BYTE * n_bytes) // QUERY_STEPS_BETWEEN_CHECKS
 
     def count_steps() -> int:
         nonlocal n_left
         n_left -= 1
         return n_left < 0
 
-    database.set_progress_handler(count_steps, STEPS_PER_CALL)
+    database.set_progress_handler(count_steps, QUERY_STEPS_BETWEEN_CHECKS)
 
 
 @contextmanager

@@ -23,7 +23,7 @@ MAX_BLOCKS_AHEAD = 4
 MAX_QUEUE_WAIT_S = 0.5
 """The time in seconds after which a thread looks whether it is still wanted. Chosen by hand."""
 
-Item = bytes | BaseException | None
+BlockOrErrorOrEnd = bytes | BaseException | None
 """A block, the error that ended the reading, or its end."""
 
 
@@ -37,7 +37,7 @@ def iter_blocks_or_raise_on_stall(blocks: Iterator[bytes], url: str, timeout_s: 
     Raises:
         InputError: It stalls.
     """
-    items: queue.Queue[Item] = queue.Queue(MAX_BLOCKS_AHEAD)
+    items: queue.Queue[BlockOrErrorOrEnd] = queue.Queue(MAX_BLOCKS_AHEAD)
     is_left = threading.Event()
     threading.Thread(target=_put_blocks_into_queue, args=(blocks, items, is_left), daemon=True).start()
     try:
@@ -64,10 +64,12 @@ def iter_blocks_or_raise_on_stall(blocks: Iterator[bytes], url: str, timeout_s: 
         is_left.set()
 
 
-def _put_blocks_into_queue(blocks: Iterator[bytes], items: queue.Queue[Item], is_left: threading.Event) -> None:
+def _put_blocks_into_queue(
+    blocks: Iterator[bytes], items: queue.Queue[BlockOrErrorOrEnd], is_left: threading.Event
+) -> None:
     """Put the blocks into a queue, until they end or nobody wants them."""
 
-    def put_unless_left(item: Item) -> None:
+    def put_unless_left(item: BlockOrErrorOrEnd) -> None:
         while not is_left.is_set():
             with suppress(queue.Full):
                 items.put(item, timeout=MAX_QUEUE_WAIT_S)

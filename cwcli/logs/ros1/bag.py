@@ -57,13 +57,13 @@ OP_DEFINITION, OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP
 """The kinds of records; a definition occurs in version 1.2 alone."""
 MAX_CHANNELS = 0xFFFF
 """The greatest number of channels: MCAP has 16 bits for their ids, from 1 on (MCAP specification)."""
-INDEX_ENTRY = struct.Struct("<III")
+INDEX_ENTRY_STRUCT = struct.Struct("<III")
 """An entry of a chunk's index: seconds, nanoseconds, and the offset of a message (rosbag format 2.0)."""
-INDEX_ENTRY_BYTES = INDEX_ENTRY.size
+INDEX_ENTRY_BYTES = INDEX_ENTRY_STRUCT.size
 """The size in bytes of such an entry."""
 INDEX_ENTRIES_READ_AT_ONCE = 65_536
 """Entries that are read at a time. Chosen by hand."""
-ANY_CHECKSUM = "*"
+CHECKSUM_OF_ANY_TYPE = "*"
 """The checksum of a connection that takes every type."""
 MAX_TYPE_NAME_CHARS = 512
 """The greatest length of a type's name. Chosen by hand."""
@@ -284,7 +284,7 @@ class BagReader:
             if len(name) > MAX_TYPE_NAME_CHARS or "/" not in name:
                 raise SchemaError("it has no name")
             definition = parse_ros1_definition(name, text)
-            if definition_checksum(definition) != checksum and checksum != ANY_CHECKSUM:
+            if definition_checksum(definition) != checksum and checksum != CHECKSUM_OF_ANY_TYPE:
                 self._count_fault(f"message types whose definition differs from its checksum ({shown})")
             self._types[name, text] = _Type(len(self._types) + 1, Ros1Converter(definition))
             yield Schema(len(self._types), shown, "ros2msg", ros2_definition_text(definition).encode())
@@ -342,7 +342,7 @@ class BagReader:
             n_left = head.n_bytes // INDEX_ENTRY_BYTES
             while n_left:
                 n = min(n_left, INDEX_ENTRIES_READ_AT_ONCE)
-                for seconds, nanoseconds, _ in INDEX_ENTRY.iter_unpack(source.take(n * INDEX_ENTRY_BYTES)):
+                for seconds, nanoseconds, _ in INDEX_ENTRY_STRUCT.iter_unpack(source.take(n * INDEX_ENTRY_BYTES)):
                     self._index_sum += hash((number, seconds * NS_PER_S + nanoseconds))
                 self._n_index_entries += n
                 n_left -= n

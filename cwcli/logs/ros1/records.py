@@ -24,15 +24,15 @@ LENGTH_STRUCT = struct.Struct("<I")
 """The length in front of a header, a field, or data."""
 TIME_STRUCT = struct.Struct("<II")
 """A time: seconds and nanoseconds."""
-CONNECTION_MARK, OP_MARK, TIME_MARK = b"\t\0\0\0conn=", b"\4\0\0\0op=\2", b"\r\0\0\0time="
+CONNECTION_FIELD_HEAD, OP_FIELD_HEAD, TIME_FIELD_HEAD = b"\t\0\0\0conn=", b"\4\0\0\0op=\2", b"\r\0\0\0time="
 """The fields of a message's header as recorders write them, with their lengths, up to their values."""
 MESSAGE_HEADER_BYTES, MESSAGE_HEAD_BYTES = 38, 46
 """The size of such a header, and with its length and that of the data."""
-_CONNECTION_FIRST = struct.Struct("<I9sI8s9sIII").unpack_from
+_MESSAGE_HEADER_OF_RECORDER = struct.Struct("<I9sI8s9sIII").unpack_from
 """Reads such a header as the recorder of ROS writes it."""
-_OP_FIRST = struct.Struct("<I8s9sI9sIII").unpack_from
+_MESSAGE_HEADER_OF_PYTHON_LIBRARY = struct.Struct("<I8s9sI9sIII").unpack_from
 """Reads such a header as ROS's library for Python writes it."""
-CHUNK_MARK = b"op=\x05"
+CHUNK_FIELD_HEAD = b"op=\x05"
 """The field of a header that says that its record is a chunk."""
 
 Header = dict[bytes, bytes]
@@ -85,13 +85,15 @@ class PieceSource:
         held_bytes, at = self._held, self._at
         end = len(held_bytes)
         while at + MESSAGE_HEAD_BYTES <= end:
-            n_header, first, key, second, third, seconds, nanoseconds, n = _CONNECTION_FIRST(held_bytes, at)
-            if first != CONNECTION_MARK or second != OP_MARK:
-                n_header, second, first, key, third, seconds, nanoseconds, n = _OP_FIRST(held_bytes, at)
+            n_header, first, key, second, third, seconds, nanoseconds, n = _MESSAGE_HEADER_OF_RECORDER(held_bytes, at)
+            if first != CONNECTION_FIELD_HEAD or second != OP_FIELD_HEAD:
+                n_header, second, first, key, third, seconds, nanoseconds, n = _MESSAGE_HEADER_OF_PYTHON_LIBRARY(
+                    held_bytes, at
+                )
             start = at + MESSAGE_HEAD_BYTES
             stop = start + n
-            is_message = n_header == MESSAGE_HEADER_BYTES and first == CONNECTION_MARK and second == OP_MARK
-            if not is_message or third != TIME_MARK or stop > end or n > most_bytes:
+            is_message = n_header == MESSAGE_HEADER_BYTES and first == CONNECTION_FIELD_HEAD and second == OP_FIELD_HEAD
+            if not is_message or third != TIME_FIELD_HEAD or stop > end or n > most_bytes:
                 return
             self._at = at = stop
             yield key, seconds * NS_PER_S + nanoseconds, held_bytes[start:stop]
@@ -221,13 +223,13 @@ def find_next_chunk_offset(file: InputFile, start: int) -> int | None:
     at = start
     while at < len(file):
         block = bytes(file[at : at + BAG_BYTES_READ_AT_ONCE])
-        mark = block.find(CHUNK_MARK)
+        mark = block.find(CHUNK_FIELD_HEAD)
         while mark >= 0:
             found = _chunk_offset_around_mark(file, at + mark, start)
             if found is not None:
                 return found
-            mark = block.find(CHUNK_MARK, mark + 1)
-        at += max(len(block) - len(CHUNK_MARK) + 1, 1)
+            mark = block.find(CHUNK_FIELD_HEAD, mark + 1)
+        at += max(len(block) - len(CHUNK_FIELD_HEAD) + 1, 1)
     return None
 
 

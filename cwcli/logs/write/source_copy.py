@@ -43,10 +43,10 @@ MAX_INT64_TIME_NS = (1 << 63) - 1
 """The greatest log time in ns that a signed 64-bit number represents."""
 UNCHUNKED_PIECE_BYTES = 1 << 20
 """The size in bytes at which messages outside chunks are put into a further chunk. Chosen by hand."""
-ALL_CHANNELS_MASK = np.ones(1 << 16, np.uint8)
+MASK_OF_ALL_CHANNEL_IDS = np.ones(1 << 16, np.uint8)
 """The mask of wanted channel ids (65536,) that selects all of them."""
 
-Entries = dict[int, npt.NDArray[np.void]]
+IndexEntriesByChannelId = dict[int, npt.NDArray[np.void]]
 """Channel id -> (log time, offset) of its messages in file order, dtype `INDEX_ENTRY_DTYPE`."""
 
 
@@ -259,7 +259,12 @@ class SourceCopy:
         )
 
     def _write_indexed_chunk_and_get_last_log_time(
-        self, writer: RecordWriter, records: memoryview, entries: Entries, compression: str, stored: memoryview | None
+        self,
+        writer: RecordWriter,
+        records: memoryview,
+        entries: IndexEntriesByChannelId,
+        compression: str,
+        stored: memoryview | None,
     ) -> int:
         """Write a chunk with its indexes; `stored`: its compressed bytes, if known. Return its last log time in ns."""
         times = np.concatenate([each["log_time"] for each in entries.values()])
@@ -273,7 +278,7 @@ class SourceCopy:
         return min(payload.end_ns, MAX_INT64_TIME_NS)
 
 
-def message_index_entries_by_channel(records: memoryview) -> Entries:
+def message_index_entries_by_channel(records: memoryview) -> IndexEntriesByChannelId:
     """Return the index entries of the messages among some records, by channel in order of first occurrence.
 
     Raises:
@@ -284,7 +289,7 @@ def message_index_entries_by_channel(records: memoryview) -> Entries:
     ids: list[npt.NDArray[np.uint16]] = []
     at = 0
     while at < len(octets):
-        batch, at, status = scan_messages_next_offset_and_status(octets, at, len(octets), ALL_CHANNELS_MASK)
+        batch, at, status = scan_messages_next_offset_and_status(octets, at, len(octets), MASK_OF_ALL_CHANNEL_IDS)
         if status == DAMAGED:
             raise RecordError(f"a record at {at} is damaged")
         part = np.empty(len(batch), INDEX_ENTRY_DTYPE)

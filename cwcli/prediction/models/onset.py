@@ -28,9 +28,9 @@ MANOEUVRE_LATERAL_ACCEL_LIMIT_MPS2 = 4.0
 MIN_YAW_LIMIT_SPEED_MPS = 1.0
 """Least speed in m/s from which the yaw rate's limit is computed; slower cars get the limit of this speed. Chosen by
 hand; not fitted."""
-MIN_JERK_SIGMAS = 1.0
+MIN_JERK_NOT_COUNTED_AS_ZERO_SIGMAS = 1.0
 """Size of a jerk, in its sigmas, up to which it counts as 0. Chosen by hand; the module says why."""
-MIN_YAW_ACCEL_SIGMAS = 2.0
+MIN_YAW_ACCEL_NOT_COUNTED_AS_ZERO_SIGMAS = 2.0
 """Size of a yaw acceleration, in its sigmas, up to which it counts as 0. Chosen by hand; the module says why."""
 
 
@@ -47,7 +47,10 @@ def trust_in_derivatives_above_noise(
     out = prior.trust_in_derivatives(state, covariance)
     if covariance is None:
         return out
-    for column, index, sigmas in ((1, JERK, MIN_JERK_SIGMAS), (3, YAW_ACCEL, MIN_YAW_ACCEL_SIGMAS)):
+    for column, index, sigmas in (
+        (1, JERK, MIN_JERK_NOT_COUNTED_AS_ZERO_SIGMAS),
+        (3, YAW_ACCEL, MIN_YAW_ACCEL_NOT_COUNTED_AS_ZERO_SIGMAS),
+    ):
         with np.errstate(divide="ignore", invalid="ignore"):
             clear = 1.0 - sigmas**2 * covariance[:, index, index] / state[:, index] ** 2
         out[:, column] = np.clip(np.nan_to_num(clear, nan=0.0, neginf=0.0), 0.0, 1.0)

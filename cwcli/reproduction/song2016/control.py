@@ -29,7 +29,7 @@ LARGEST_DISTANCE_CLAIMS = {
     "intersection": "the yaw-acceleration model keeps the largest distance",
 }
 """Scenario -> what the paper says of the largest distance (figures 12 and 14)."""
-DETAIL_S, DETAIL_SHARE = 0.8, 0.1
+HALF_TIME_OF_ENLARGED_DETAIL_S, MAX_DISTANCE_SHARE_TO_ENLARGE = 0.8, 0.1
 """Half of the time that is drawn enlarged around the least distance, s, where the least distances differ by less than
 this share of the plot's height. Chosen by hand."""
 METHOD_LABELS = {family: f"constant {family}" for family in MODEL_BY_FAMILY} | {OUR_METHOD: "our default"}
@@ -109,7 +109,10 @@ def _control_plots(name: str, outcomes: dict[str, ReplayedRuns], moments: Warnin
     dots = {method: float(moments.warned_s_by_method[method][seed]) for method in outcomes}
     least_m = [float(outcome.distance_m[seed].min()) for outcome in outcomes.values()]
     nearest_s = float(first.time_s[first.distance_m[seed].argmin()])
-    detail = (nearest_s - DETAIL_S, nearest_s + DETAIL_S), (0.95 * min(least_m), 1.1 * max(least_m))
+    detail = (
+        (nearest_s - HALF_TIME_OF_ENLARGED_DETAIL_S, nearest_s + HALF_TIME_OF_ENLARGED_DETAIL_S),
+        (0.95 * min(least_m), 1.1 * max(least_m)),
+    )
     return (
         Plot(
             distance,
@@ -121,7 +124,7 @@ def _control_plots(name: str, outcomes: dict[str, ReplayedRuns], moments: Warnin
             ("collision", COLLISION_DISTANCE_M),
             shown,
             (0.0, 1.05 * farthest),
-            detail=detail if max(least_m) - min(least_m) < DETAIL_SHARE * farthest else None,
+            detail=detail if max(least_m) - min(least_m) < MAX_DISTANCE_SHARE_TO_ENLARGE * farthest else None,
         ),
         Plot(
             speed,

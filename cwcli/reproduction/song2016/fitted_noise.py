@@ -36,7 +36,7 @@ PRINTED_SIGMAS = np.array([0.15, 0.1, np.radians(0.21), 0.27 / PERCENT_OF_G_PER_
 """Printed errors of the estimates (song2016, table 1): position, speed, heading, acceleration, yaw rate; SI units."""
 PRINTED_NOISE_SIGMAS = np.array([0.6, 0.6, 0.5, np.radians(1.0), 0.5 / PERCENT_OF_G_PER_MPS2, np.radians(0.1)])
 """Printed noise of the measurement vector (song2016, table 1), in SI units; 0.5 % read as of g."""
-FIT_SPEED_MPS = 15.0
+COVARIANCE_SPEED_OF_FIT_MPS = 15.0
 """Speed at which the covariance is computed, m/s: that of figure 3's drive at its end. The speed only couples heading
 and position; from 10 to 20 m/s the fitted Q changes by 3 %."""
 FIRST_GUESS_OF_NOISE_ROOTS = np.array([0.03, 0.02, 0.001, 0.02, 0.0004])
@@ -57,7 +57,7 @@ def stationary_filter_sigmas(step_sigmas: FloatArray) -> FloatArray:
     """
     dt = SAMPLING_TIME_S
     f = np.eye(6)  # eq. 6 at heading 0, acceleration 0
-    f[0, 2], f[0, 4], f[1, 3], f[2, 4], f[3, 5] = dt, dt**2 / 2, FIT_SPEED_MPS * dt, dt, dt
+    f[0, 2], f[0, 4], f[1, 3], f[2, 4], f[3, 5] = dt, dt**2 / 2, COVARIANCE_SPEED_OF_FIT_MPS * dt, dt, dt
     q, r = np.diag(np.square(step_sigmas[[0, 0, 1, 2, 3, 4]])), np.diag(np.square(PRINTED_NOISE_SIGMAS))
     predicted = steady_predicted_covariance(f, np.eye(6), q, r)
     variance = np.diag(predicted - predicted @ np.linalg.solve(predicted + r, predicted))

@@ -22,7 +22,7 @@ from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.scenario import HOST_NAME, Scenario
 from cwcli.simulation.sensors import simulate_sensor_messages
 from cwcli.simulation.streams import RunSpan
-from cwcli.stages.inputs.vehicles import ONSET_MODEL
+from cwcli.stages.inputs.vehicles import ONSET_MODEL_NAME
 from cwcli.warning.types import VehicleTrack
 
 SENSOR_PERIOD_NS = 50_000_000
@@ -126,7 +126,7 @@ class KnownVehicle:
             self._predict_paths(model),
             self.length_m,
             self.width_m,
-            self._predict_paths(ONSET_MODEL) if with_onset else None,
+            self._predict_paths(ONSET_MODEL_NAME) if with_onset else None,
             self.track.flags,
         )
 

@@ -51,7 +51,7 @@ FRICTION_COEFFICIENTS = (0.7, 0.8, 0.9)
 and one below."""
 MAX_LEAD_DECELERATION_MPS2 = 8.0
 """The lead's deceleration where the friction allows it, in m/s^2, as in the scenario."""
-MOMENT_NAMES = ("ideal", "jerk", "acceleration", "speed")
+COMPARED_WARNING_MOMENT_NAMES = ("ideal", "jerk", "acceleration", "speed")
 """Names of the compared moments: the ideal one and the warnings of the three families."""
 
 
@@ -120,7 +120,7 @@ def sensitivity_part(name: str, n_seeds: int) -> tuple[StudyPart, SummaryTable]:
         _moments_and_collision_percent(name, variant, min(n_seeds, MAX_SENSITIVITY_SEEDS))
         for variant in VARIANTS_BY_SCENARIO[name]
     ]
-    moments = np.array([[row[key] for key in MOMENT_NAMES] for row, _ in rows])
+    moments = np.array([[row[key] for key in COMPARED_WARNING_MOMENT_NAMES] for row, _ in rows])
     counts = [_count_moments_within_tolerance(name, each) for each in moments]
     labels = {"ideal": "ideal moment"} | {f: f"warning, constant {f}, median" for f in MODEL_BY_FAMILY}
     measured = [
@@ -131,7 +131,7 @@ def sensitivity_part(name: str, n_seeds: int) -> tuple[StudyPart, SummaryTable]:
             float(each.min()),
             float(each.max()),
         )
-        for key, each in zip(MOMENT_NAMES, moments.T, strict=True)
+        for key, each in zip(COMPARED_WARNING_MOMENT_NAMES, moments.T, strict=True)
     ]
     measured.append(
         MeasuredNumber(
@@ -143,12 +143,17 @@ def sensitivity_part(name: str, n_seeds: int) -> tuple[StudyPart, SummaryTable]:
     section = SummaryTable(
         f"sensitivity_{name}",
         f"{figure}: the moments when one choice is moved",
-        ("choice", *(f"{key} [s]" for key in MOMENT_NAMES), "within the tolerance", "constant speed collides [%]"),
+        (
+            "choice",
+            *(f"{key} [s]" for key in COMPARED_WARNING_MOMENT_NAMES),
+            "within the tolerance",
+            "constant speed collides [%]",
+        ),
         tuple(
             (
                 variant.name,
                 *(round(float(value), 3) for value in each),
-                f"{count} of {len(MOMENT_NAMES)}",
+                f"{count} of {len(COMPARED_WARNING_MOMENT_NAMES)}",
                 round(share, 1),
             )
             for variant, each, count, (_, share) in zip(VARIANTS_BY_SCENARIO[name], moments, counts, rows, strict=True)
@@ -192,7 +197,10 @@ def paper_warning_times_s(scenario: Scenario, other: str, seed: int) -> dict[str
 def _count_moments_within_tolerance(name: str, moments_s: FloatArray) -> int:
     """Count the moments that are within the tolerance around the paper's."""
     figure = load_expectations("song2016").figures[FIGURE_BY_SCENARIO[name]]
-    labels = ("ideal moment", *(f"{name}: warning, constant {family}, median" for family in MOMENT_NAMES[1:]))
+    labels = (
+        "ideal moment",
+        *(f"{name}: warning, constant {family}, median" for family in COMPARED_WARNING_MOMENT_NAMES[1:]),
+    )
     near = 0
     for label, moment in zip(labels, moments_s, strict=True):
         row = figure.expectation_by_number[label]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.reproduction.findings import StudyPart
-from cwcli.reproduction.findings_report import TIMES_KEY, Reproduction, assemble_reproduction
+from cwcli.reproduction.findings_report import PROCESSOR_TIMES_SECTION_KEY, Reproduction, assemble_reproduction
 from cwcli.reproduction.request import ReproductionRequest
 from cwcli.reproduction.xiang2019.figures import (
     distance_errors_plot,
@@ -97,5 +97,5 @@ def _table_section(name: str, table: Table) -> SummaryTable:
     """Convert a table to a section of the summary."""
     shown = SHOWN_COLUMNS.get(name, {column: column.replace("_", " ") for column in table})
     rows: list[tuple[Cell, ...]] = [tuple(cells) for cells in zip(*(table[column] for column in shown), strict=True)]
-    key = TIMES_KEY if name == "table_2" else f"ours_{name}" if name.startswith("table") else name
+    key = PROCESSOR_TIMES_SECTION_KEY if name == "table_2" else f"ours_{name}" if name.startswith("table") else name
     return SummaryTable(key, TABLE_TITLES[name], tuple(shown.values()), tuple(rows))

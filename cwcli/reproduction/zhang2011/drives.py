@@ -51,7 +51,7 @@ FRAME_RATE_HZ = 10.0
 """The paper's frame rate, in Hz (zhang2011, section 2.1)."""
 CURVE_LABELS = {"zhang2011": "zhang2011", "camera and speed": "camera", "with a gyroscope": "camera and gyroscope"}
 """Method -> its label in plots."""
-RENDERED_PREFIX = "rendered frames, "
+RENDERED_FRAMES_NUMBER_PREFIX = "rendered frames, "
 """The prefix of numbers from rendered frames."""
 
 WINDING_ROAD = Road(
@@ -108,7 +108,7 @@ def drive_errors_part(
         n_seeds: At most `MAX_DRIVE_SEEDS`.
         lane_method: A key of `vision.methods.METHODS` that finds the lanes in rendered frames; None: simulated points.
     """
-    method_prefix = "" if lane_method is None else RENDERED_PREFIX
+    method_prefix = "" if lane_method is None else RENDERED_FRAMES_NUMBER_PREFIX
     drive, half = DRIVE_BY_FIGURE[figure], load_vehicle()
     n = max(1, min(n_seeds, MAX_DRIVE_SEEDS))
     start = np.full(n, drive.start_kmh * MPS_PER_KMH)

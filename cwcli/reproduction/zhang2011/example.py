@@ -43,9 +43,9 @@ CAR_SPEED_KMH = 88.0
 """Speed of the car in the worked example, in km/h (section 3.2)."""
 OBSERVER_SPEEDS_KMH = (80.0, 90.0)
 """Speeds of the two observers in the worked example, in km/h (section 3.2)."""
-SIGNS_TO_PAPER = np.array([-1.0, -1.0, 1.0, 1.0])
+SIGN_FACTORS_TO_PAPER_STATE = np.array([-1.0, -1.0, 1.0, 1.0])
 """Factors from our signs of v_y, gamma, y_L and e_L to the paper's."""
-CORRECTION_NUMBER = ("eq 13", "f(v) - 1 over v^2, half load")
+FIGURE_AND_NAME_OF_STEERING_CORRECTION = ("eq 13", "f(v) - 1 over v^2, half load")
 """Figure and name of the factor of the speed's square in the correction of the steering angle."""
 STATE_NAMES = ("v_y", "gamma", "y_L", "e_L")
 """Names of the four states, in order."""
@@ -56,7 +56,7 @@ PRINTED_GAIN_BY_SPEED = {
     90.0: ((0.444, 3.245), (-0.467, 1.63)),
 }
 """Speed in km/h -> the printed rows of y_L and e_L of its gain (section 3.2)."""
-SEARCH_PHASES = {"frame 1": lanes.FIRST_PHASE, "frames 2-6": lanes.SECOND_PHASE, "later": lanes.LATER_PHASE}
+SEARCH_PHASE_BY_NAME = {"frame 1": lanes.FIRST_PHASE, "frames 2-6": lanes.SECOND_PHASE, "later": lanes.LATER_PHASE}
 """Name -> the search phase of the lane method."""
 
 
@@ -83,7 +83,7 @@ def printed_tables_part() -> StudyPart:
         "frames 2-6": lanes.SECOND_PHASE.region_half_widths,
         "later": lanes.LATER_PHASE.region_half_widths,
     }
-    for name, phase in SEARCH_PHASES.items():
+    for name, phase in SEARCH_PHASE_BY_NAME.items():
         reach = reaches[name]
         assert reach is not None
         bits = [
@@ -126,7 +126,9 @@ def worked_example_part() -> StudyPart:
     """Compute f(v), figure 13, the printed gains, and the worked example of section 3.2."""
     car = load_vehicle()
     measured = [
-        MeasuredNumber(*CORRECTION_NUMBER, understeer_gradient_rad_per_mps2(car) / car.wheelbase_m),
+        MeasuredNumber(
+            *FIGURE_AND_NAME_OF_STEERING_CORRECTION, understeer_gradient_rad_per_mps2(car) / car.wheelbase_m
+        ),
         *_observer_gain_numbers(),
         *_blended_print_numbers(),
         *_model_state_numbers(),
@@ -135,7 +137,10 @@ def worked_example_part() -> StudyPart:
     kmh = np.linspace(0.0, 160.0, 81)
     factor = np.array([float(dynamic_to_kinematic_steering_ratio(car, v)) for v in kmh * MPS_PER_KMH])
     printed_kmh = np.arange(0.0, 161.0, 10.0)
-    printed = 1.0 + printed_number_or_nan("zhang2011", *CORRECTION_NUMBER) * (printed_kmh * MPS_PER_KMH) ** 2
+    printed = (
+        1.0
+        + printed_number_or_nan("zhang2011", *FIGURE_AND_NAME_OF_STEERING_CORRECTION) * (printed_kmh * MPS_PER_KMH) ** 2
+    )
     curves = [
         Curve("f(v)", kmh, factor),
         Curve("printed: 1 + 0.000843 v^2", printed_kmh, printed, is_points=True),
@@ -162,7 +167,7 @@ def _observer_gain_numbers() -> list[MeasuredNumber]:
             MeasuredNumber(
                 "eq 17",
                 f"K_{kmh:.0f}: {state} from {source}{reading}",
-                float(SIGNS_TO_PAPER[row] * gain[row, column]) + 0.0,  # no negative zero
+                float(SIGN_FACTORS_TO_PAPER_STATE[row] * gain[row, column]) + 0.0,  # no negative zero
             )
             for reading, gain in readings.items()
             for row, state in enumerate(STATE_NAMES)
@@ -240,7 +245,7 @@ def _model_state_numbers() -> list[MeasuredNumber]:
     """Return the states of the models of 80, 90 and 88 km/h, 2 s after the angle is applied from straight running."""
     measured = []
     for kmh, whose in ((80.0, "model of 80 km/h"), (90.0, "model of 90 km/h"), (CAR_SPEED_KMH, "car at 88 km/h")):
-        state = SIGNS_TO_PAPER * simulate_example_states(kmh)[-1]
+        state = SIGN_FACTORS_TO_PAPER_STATE * simulate_example_states(kmh)[-1]
         n_states = len(STATE_NAMES) if kmh == CAR_SPEED_KMH else 2
         measured += [MeasuredNumber("eq 22", f"{whose}: {STATE_NAMES[k]}", float(state[k])) for k in range(n_states)]
     return measured
@@ -267,7 +272,7 @@ def _observer_state_numbers() -> list[MeasuredNumber]:
         for true in actual[1:]:
             state = bank.phi[at] @ state + bank.gamma[at] @ (EXAMPLE_STEER_RAD, EXAMPLE_CURVATURE_1PM)
             state = state + bank.gain[at] @ (true[2:] - state[2:])
-        found[f"observer of {kmh:.0f} km/h at 88 km/h"] = SIGNS_TO_PAPER * state
+        found[f"observer of {kmh:.0f} km/h at 88 km/h"] = SIGN_FACTORS_TO_PAPER_STATE * state
     found["blend of both observers at 88 km/h"] = (
         0.2 * found["observer of 80 km/h at 88 km/h"] + 0.8 * found["observer of 90 km/h at 88 km/h"]
     )

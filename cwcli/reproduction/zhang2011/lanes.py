@@ -12,7 +12,7 @@ from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.process_pool import process_pool
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
-from cwcli.reproduction.findings_report import TIMES_KEY
+from cwcli.reproduction.findings_report import PROCESSOR_TIMES_SECTION_KEY
 from cwcli.reproduction.zhang2011.lane_drives import (
     N_JUDGED_FRAMES,
     N_UNSTABLE_FRAMES,
@@ -175,4 +175,9 @@ def _times_section(results: Results) -> SummaryTable:
             )
             rows.append((key, phase, search, prepare, PAPER_SEARCH_MS[phase] if key == "zhang2011" else None))
     columns = ("method", "phase", "search [ms]", "before it [ms]", "the paper's [ms]")
-    return SummaryTable(TIMES_KEY, "Processor time of a frame on this machine, which is no class", columns, tuple(rows))
+    return SummaryTable(
+        PROCESSOR_TIMES_SECTION_KEY,
+        "Processor time of a frame on this machine, which is no class",
+        columns,
+        tuple(rows),
+    )

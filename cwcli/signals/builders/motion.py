@@ -32,7 +32,7 @@ MAP_FRAME_IDS = frozenset(
 """The frame ids that mean east-north axes; collected from common drivers."""
 BODY_FRAME_IDS = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
 """The frame ids that mean the vehicle's axes; collected from common drivers."""
-MIN_QUATERNION, MAX_QUATERNION_COMPONENT = 1e-3, 1e3
+MIN_QUATERNION_NORM, MAX_QUATERNION_NORM = 1e-3, 1e3
 """The norms (1) of a quaternion below and above which it is not used; chosen by hand."""
 NO_ORIENTATION_REASON = "orientation not given"
 """The reason for rejecting a message without a usable orientation."""
@@ -149,10 +149,10 @@ def read_rotation_matrices(columns: Columns, base: str) -> FloatArray:
 def _read_unit_quaternion(columns: Columns, base: str) -> FloatArray:
     """x, y, z, w of unit length, shape (4, n); NaN for one that is far from it."""
     quaternion = np.stack([read_numbers(columns, f"{base}.{name}") for name in "xyzw"])
-    is_given = (np.abs(quaternion) < MAX_QUATERNION_COMPONENT).all(axis=0)
+    is_given = (np.abs(quaternion) < MAX_QUATERNION_NORM).all(axis=0)
     length = np.sqrt((np.where(is_given, quaternion, 0.0) ** 2).sum(axis=0))
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(length > MIN_QUATERNION, quaternion / length, np.nan)
+        return np.where(length > MIN_QUATERNION_NORM, quaternion / length, np.nan)
 
 
 def nan_if_always_zero(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:

@@ -35,11 +35,11 @@ VAM = _etsi_message("vam", etsi.VAM_PATHS, message_id=16, version=3)
 """The packed VAM, which says of a pedestrian or a cyclist what a CAM says of a car; version 2 is packed differently."""
 CPM = _etsi_message("cpm", cpm.CPM_PATHS, message_id=14, version=2, objects_path=cpm.OBJECTS_PATH)
 """The packed CPM; version 1 (TR 103 562) is packed differently."""
-STATION_PATH = JSON_RAW_PATHS["station"]
+BSM_STATION_ID_PATH = JSON_RAW_PATHS["station"]
 """The component of the temporary id of a BSM's sender."""
-EVENTS_PATH = CODED_FLAGS_PATHS[0]
+BSM_EVENT_FLAGS_PATH = CODED_FLAGS_PATHS[0]
 """The component of the event flags of a BSM."""
-BSM = PackedMessage("bsm", JSON_RAW_PATHS | {"events": EVENTS_PATH})
+BSM = PackedMessage("bsm", JSON_RAW_PATHS | {"events": BSM_EVENT_FLAGS_PATH})
 """The packed BSM: its core data (part I) and the event flags of part II."""
 SDSM = PackedMessage("sdsm", SDSM_PATHS, OBJECTS_PATH)
 """The packed SDSM: its sender and its objects."""
@@ -58,8 +58,8 @@ def vam_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
 def bsm_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the leaf fields of a JSON BSM that `signals.j2735` reads, from decoded messages."""
     fields: dict[str, Field] = {path: decoded.component_numbers(path) for path in JSON_RAW_PATHS.values()}
-    fields[STATION_PATH] = format_station_ids(decoded.component_codes(STATION_PATH))
-    fields[EVENTS_PATH] = np.nan_to_num(decoded.component_numbers(EVENTS_PATH)).astype(np.int64)
+    fields[BSM_STATION_ID_PATH] = format_station_ids(decoded.component_codes(BSM_STATION_ID_PATH))
+    fields[BSM_EVENT_FLAGS_PATH] = np.nan_to_num(decoded.component_numbers(BSM_EVENT_FLAGS_PATH)).astype(np.int64)
     return fields
 
 

@@ -52,7 +52,15 @@ FRAME_RATE_RANGE_HZ = (1.0, 100.0)
 """Lowest and highest frame rate, Hz. Chosen by hand; not fitted."""
 SPEED_RANGE_MPS = (5.0, 60.0)
 """Lowest and highest speed of a drive, m/s. Chosen by hand; not fitted."""
-DEFECT_FIELDS = ("markings", "bends_1pm", "ramp_degps", "lane_changes_per_min", "bridges_per_km", "slab_m", "junctions")
+CONFIG_FIELDS_OF_ROAD_DEFECTS = (
+    "markings",
+    "bends_1pm",
+    "ramp_degps",
+    "lane_changes_per_min",
+    "bridges_per_km",
+    "slab_m",
+    "junctions",
+)
 """Fields of the configuration that ask for the difficulties of `defects` and `junctions`."""
 BEND_CURVATURE_RANGE_1PM = (0.0, 0.05)
 """Lowest and highest curvature of mountain bends, 1/m. Chosen by hand; not fitted."""
@@ -213,7 +221,7 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     wander_rad = (float(phases[0]), float(phases[1]))
     scene = spread_scene_along_drive(draw_scene(spec, config.weather, rng), config, length_m, rng)
     driver = SwayingDriver(wander_rad=wander_rad)
-    if any(getattr(config, name) != getattr(RoadDriveConfig, name) for name in DEFECT_FIELDS):
+    if any(getattr(config, name) != getattr(RoadDriveConfig, name) for name in CONFIG_FIELDS_OF_ROAD_DEFECTS):
         own = random_stream(config.seed, "road-drive", "defects")
         knots_m, curvature, vertical = _knots_and_curvatures_with_bends_and_ramps(
             config, knots_m, curvature, vertical, own
@@ -345,8 +353,10 @@ def check_drive_config(config: RoadDriveConfig) -> None:
         if not low <= value <= high:
             raise UsageError(f"the {name} of {value:g} {unit} is not between {low:g} and {high:g}")
     standard = RoadDriveConfig()
-    if config.drift_mps and any(getattr(config, name) != getattr(standard, name) for name in DEFECT_FIELDS):
+    if config.drift_mps and any(
+        getattr(config, name) != getattr(standard, name) for name in CONFIG_FIELDS_OF_ROAD_DEFECTS
+    ):
         raise UsageError(
             "a drift is driven on a straight road with painted markings",
-            hint=f"leave out drift, or {', '.join(DEFECT_FIELDS)}",
+            hint=f"leave out drift, or {', '.join(CONFIG_FIELDS_OF_ROAD_DEFECTS)}",
         )

@@ -20,7 +20,7 @@ MIN_PROJECTED_DISTANCE_M = 0.5
 """Smallest distance ahead at which points are projected, m; nearer ones are moved there. Chosen by hand; not fitted."""
 UNIT_CIRCLE_POINTS = [(math.cos(angle), math.sin(angle)) for angle in np.arange(14) * (2 * math.pi / 14)]
 """Points of the unit circle with which wheels are drawn, 14 pairs."""
-FAR_HAZE_GREY = 200.0
+DAYLIGHT_FAR_HAZE_GREY = 200.0
 """Grey of far haze by day, 0 to 255. Chosen by hand; not fitted."""
 NIGHT_GREY_FACTOR = 0.16
 """Factor on the grey of objects at night, without headlights. Chosen by hand; not fitted."""
@@ -57,7 +57,7 @@ class _RoadView:
         if self.light.night:
             return grey * NIGHT_GREY_FACTOR + grey * 0.5 * math.exp(-((distance_m / 20.0) ** 2))
         clear = math.exp(-(self.light.fog_1pm + 0.0008) * distance_m)
-        return grey * clear + FAR_HAZE_GREY * (1.0 - clear)
+        return grey * clear + DAYLIGHT_FAR_HAZE_GREY * (1.0 - clear)
 
 
 def draw_roadside(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene) -> None:

@@ -26,7 +26,7 @@ UP_AXIS_COLUMN_OF_GYRO = 2
 """Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 
 
-EMPTY_SERIES = Series(np.zeros(0, np.int64), np.zeros(0))
+EMPTY_MEASUREMENT_SERIES = Series(np.zeros(0, np.int64), np.zeros(0))
 """The series of a quantity that the log does not hold."""
 
 
@@ -34,8 +34,8 @@ EMPTY_SERIES = Series(np.zeros(0, np.int64), np.zeros(0))
 class MotionSeries:
     """Speed and yaw rate over time, with the counts of the messages that they come from."""
 
-    speed_mps: Series = EMPTY_SERIES
-    yaw_rate_radps: Series = EMPTY_SERIES
+    speed_mps: Series = EMPTY_MEASUREMENT_SERIES
+    yaw_rate_radps: Series = EMPTY_MEASUREMENT_SERIES
     counts: tuple[InputMessageCount, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -52,7 +52,7 @@ def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | 
         return MotionSeries(Series(stamp_ns, state[:, SPEED]), Series(stamp_ns, state[:, YAW_RATE]), (count,))
     sources = read_sensor_signals(log, Selection(topics=topics), command="lanes", optional=(Role.EGO_SPEED, Role.IMU))
     sources = apply_calibration_to_sources(sources, calibration)
-    speed, yaw_rate = EMPTY_SERIES, EMPTY_SERIES
+    speed, yaw_rate = EMPTY_MEASUREMENT_SERIES, EMPTY_MEASUREMENT_SERIES
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal):
             speed = Series(signal.stamp_ns, signal.speed_mps)

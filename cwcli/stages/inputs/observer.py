@@ -30,7 +30,7 @@ UP_AXIS_COLUMN_OF_GYRO = 2
 """Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 MAX_PREVIEW_LATERAL_HEADING_CURVATURE = np.array([1e3, math.pi / 2.0, 1.0])
 """Greatest magnitudes of the values at the preview point (m, rad, 1/m); larger ones are left out. Chosen by hand."""
-MAX_PREVIEW_SIGMA = 1e3
+MAX_BELIEVED_PREVIEW_SIGMA = 1e3
 """Greatest sigma of a preview value (m, rad or 1/m) that is believed; chosen by hand."""
 PREVIEW_DISTANCE_RANGE_M = (0.1, 1e3)
 """Least and greatest distance of the preview point that is accepted [m]; chosen by hand."""
@@ -85,7 +85,9 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     values, sigma = lanes.preview[rows], lanes.preview_sigma[rows]
     with np.errstate(invalid="ignore"):
         is_beyond = np.abs(values) > MAX_PREVIEW_LATERAL_HEADING_CURVATURE
-        sigma = np.where((sigma > 0.0) & (sigma <= MAX_PREVIEW_SIGMA), sigma, np.nan)  # the observer then takes its own
+        sigma = np.where(
+            (sigma > 0.0) & (sigma <= MAX_BELIEVED_PREVIEW_SIGMA), sigma, np.nan
+        )  # the observer then takes its own
     is_held = np.isin(lanes.state[rows], (LaneState.HELD, LaneState.CARRIED))  # what no frame shows is no measurement
     values = np.where(is_beyond | is_held[:, None], np.nan, values)
     lines = np.where(is_held[:, None, None], np.nan, lanes.curved_offset_slope_curvature_of_boundaries()[rows])

@@ -10,7 +10,7 @@ from cwcli.warning.measures import Measures
 from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
-RELEASE_TTC_IN_HORIZONS = 1.2
+RELEASE_TTC_PER_HORIZON = 1.2
 """Time to collision, in horizons, beyond which a warning ends. Chosen by hand; not fitted."""
 
 
@@ -22,7 +22,7 @@ def decide_by_time_to_collision(
     return Decision(
         armed=raised,
         raised=raised,
-        held=measures.ttc_s < RELEASE_TTC_IN_HORIZONS * config.horizon_s,
+        held=measures.ttc_s < RELEASE_TTC_PER_HORIZON * config.horizon_s,
         time_to_event_s=measures.ttc_s,
         predicted_distance_m=measures.min_distance_m,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.outlines import Size, outline_separation_by_directions_m
+from cwcli.measures.outlines import LengthAndWidthM, outline_separation_by_directions_m
 
 FloatArray = npt.NDArray[np.float64]
 ComplexArray = npt.NDArray[np.complex128]
@@ -55,7 +55,7 @@ def overlap_time_along_arcs(
     direction: ComplexArray,
     chords: ComplexArray,
     turns: ComplexArray,
-    sizes: tuple[Size, Size],
+    sizes: tuple[LengthAndWidthM, LengthAndWidthM],
     n_steps: int,
     step_s: float,
 ) -> FloatArray:
@@ -75,7 +75,9 @@ def overlap_time_along_arcs(
     return found
 
 
-def rows_of_least_lag(poses: FloatArray, sizes: tuple[Size, Size], n_lags: int) -> tuple[int, int]:
+def rows_of_least_lag(
+    poses: FloatArray, sizes: tuple[LengthAndWidthM, LengthAndWidthM], n_lags: int
+) -> tuple[int, int]:
     """The first rows of poses (8, g) that overlap at the least lag, the other's later ones first; (-1, -1) if none."""
     n = poses.shape[1]
     for lag in range(n_lags):

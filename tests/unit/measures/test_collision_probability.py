@@ -8,9 +8,9 @@ from scipy import stats
 
 from cwcli.measures.collision_probability import (
     LATTICE_GENERATORS,
-    MAX_BEND_SIGMAS,
-    MAX_TOUCH_SIGMAS,
-    MAX_VARIANCE_SHARES_OF_FEW_LINES,
+    MAX_DIFFERENCE_OF_JOINED_STEPS_SIGMAS,
+    MAX_ERROR_OF_POSSIBLE_CONTACT_SIGMAS,
+    MAX_VARIANCE_CHANGE_SHARES_FOR_FEW_LINES,
     MIN_VARIANCE_M2,
     UncertainPaths,
     collision_probability,
@@ -126,7 +126,7 @@ def test_kernel_against_its_plain_twin(seed: int) -> None:
         one.sizes,
         ends=list(ends),
         least_m2=MIN_VARIANCE_M2,
-        sigmas=MAX_BEND_SIGMAS,
+        sigmas=MAX_DIFFERENCE_OF_JOINED_STEPS_SIGMAS,
     )
     assert {17, 50} <= set(points)
     assert len(points) < 50
@@ -138,9 +138,9 @@ def test_kernel_against_its_plain_twin(seed: int) -> None:
             (one.covariances_m2[0][points], one.covariances_m2[1][points]),
             one.sizes,
             lines=[cosine_sine_and_errors_of_lines(n) for n in LATTICE_GENERATORS],
-            enough_below=MAX_VARIANCE_SHARES_OF_FEW_LINES,
+            enough_below=MAX_VARIANCE_CHANGE_SHARES_FOR_FEW_LINES,
             end=points.index(end),
-            far_sigmas=MAX_TOUCH_SIGMAS,
+            far_sigmas=MAX_ERROR_OF_POSSIBLE_CONTACT_SIGMAS,
             least_m2=MIN_VARIANCE_M2,
         )
         for end in ends

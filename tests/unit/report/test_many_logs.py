@@ -57,4 +57,4 @@ def test_the_worst_logs_come_first_and_failures_are_grouped(run: Path, monkeypat
 def test_a_row_of_many_is_small(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build, "MAX_LONG_PAGE_BYTES", 0)
     table = build_report(str(run)).html.decode().partition('class="wide logs"')[2].partition("</table>")[0]
-    assert len(table.encode()) < build.LONG_ROW_BYTES * N_LOGS
+    assert len(table.encode()) < build.OVERVIEW_ROW_BYTES_OF_LONG_PAGE * N_LOGS

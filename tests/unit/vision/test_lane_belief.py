@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import Pinhole
 from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.boundary_probability import (
-    LOG_ODDS_COEFFICIENTS,
+    BOUNDARY_LOG_ODDS_WEIGHTS,
     PROBABILITY_OF_WELL_SEEN_OTHER_LINE,
     boundary_probabilities,
     left_and_right_paint_shares,
@@ -56,7 +56,7 @@ def test_probability_by_hand() -> None:
     table[:, :160] = 0.2
     seen = evidence(table)
     own = math.sqrt(left_and_right_paint_shares(seen, LANE)[0])
-    by_hand = LOG_ODDS_COEFFICIENTS @ [1.0, own, math.log(0.4 + 0.02), math.sqrt(road_clutter_share(seen, LANE))]
+    by_hand = BOUNDARY_LOG_ODDS_WEIGHTS @ [1.0, own, math.log(0.4 + 0.02), math.sqrt(road_clutter_share(seen, LANE))]
     assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx(
         (1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE) / (1.0 + math.exp(-by_hand))
     )
@@ -70,7 +70,7 @@ def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
     table[:, :160] = 0.2
     seen = evidence(table)
     assert left_and_right_paint_shares(seen, LANE)[1] == 0.0
-    by_hand = LOG_ODDS_COEFFICIENTS @ [1.0, 0.0, math.log(0.02), math.sqrt(road_clutter_share(seen, LANE))]
+    by_hand = BOUNDARY_LOG_ODDS_WEIGHTS @ [1.0, 0.0, math.log(0.02), math.sqrt(road_clutter_share(seen, LANE))]
     told = boundary_probabilities(seen, LANE, 0.4, 1)
     assert told[0] == boundary_probabilities(seen, LANE, 0.4)[0]
     assert told[1] == pytest.approx((1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE) / (1.0 + math.exp(-by_hand)))
@@ -79,9 +79,9 @@ def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
 
 
 def test_what_looks_like_stripes_everywhere_is_no_boundary() -> None:
-    assert LOG_ODDS_COEFFICIENTS[1] > 0.0
-    assert LOG_ODDS_COEFFICIENTS[2] > 0.0
-    assert LOG_ODDS_COEFFICIENTS[3] < 0.0
+    assert BOUNDARY_LOG_ODDS_WEIGHTS[1] > 0.0
+    assert BOUNDARY_LOG_ODDS_WEIGHTS[2] > 0.0
+    assert BOUNDARY_LOG_ODDS_WEIGHTS[3] < 0.0
 
 
 @pytest.mark.parametrize("camera", [mounted(), default_camera(320, 240, Mounting())])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_mean import NORMAL_POINTS, OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E, weighted_mean_lane
+from cwcli.vision.lane_mean import OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E, STANDARD_NORMAL_POINTS, weighted_mean_lane
 from cwcli.vision.lane_model import BEND, HIGH, LOW, MIDDLE, WIDTH
 
 SIZE = (640, 360)
@@ -23,8 +23,8 @@ def peak(centre: FloatArray, sigmas: FloatArray, lanes: FloatArray) -> FloatArra
 
 
 def test_points_fill_a_normal_distribution() -> None:
-    np.testing.assert_allclose(NORMAL_POINTS.mean(axis=0), 0.0, atol=0.03)
-    np.testing.assert_allclose(np.cov(NORMAL_POINTS.T), np.eye(5), atol=0.1)
+    np.testing.assert_allclose(STANDARD_NORMAL_POINTS.mean(axis=0), 0.0, atol=0.03)
+    np.testing.assert_allclose(np.cov(STANDARD_NORMAL_POINTS.T), np.eye(5), atol=0.1)
 
 
 def test_peak_beside_the_start() -> None:

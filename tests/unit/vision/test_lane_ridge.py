@@ -139,7 +139,7 @@ def test_objective_equals_the_plain_twin() -> None:
             prior.table,
             weight=OBJECTIVE_LOSS_PER_SQUARED_PRIOR_SIGMA,
             min_h=evidence.min_depth_px,
-            beside=lane_detect.NEIGHBOUR_WEIGHT,
+            beside=lane_detect.NEIGHBOURING_LANE_WEIGHT,
             half=lane_detect.EVIDENCE_SHARE_COUNTING_ONE_HALF * segment,
             segment=segment,
             pinhole=evidence.pinhole[:2],

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.measures.collision_probability import MAX_TOUCH_SIGMAS, is_touch_improbable
+from cwcli.measures.collision_probability import MAX_ERROR_OF_POSSIBLE_CONTACT_SIGMAS, is_touch_improbable
 from cwcli.prediction.paths import Paths
 from cwcli.warning.collision import largest_position_variance_m2
 from tests.unit.measures.test_collision_probability import CAR, straight
@@ -27,7 +27,7 @@ def test_the_variance_is_that_along_the_longest_axis() -> None:
 @pytest.mark.parametrize("share", [1.001, 1.2])
 def test_what_the_bound_leaves_out_has_no_probability(sigma_m: float, share: float) -> None:
     """Behind one another, farther apart than the bound: at its edge 1 - Phi(3.7) = 0.0001."""
-    gap_m = share * MAX_TOUCH_SIGMAS * sigma_m
+    gap_m = share * MAX_ERROR_OF_POSSIBLE_CONTACT_SIGMAS * sigma_m
     distance_m = math.hypot(*CAR) + gap_m
     one = straight(x_m=distance_m, speed_mps=0.0, sigma_m=sigma_m)
     assert is_touch_improbable(np.array([distance_m]), np.array([sigma_m**2]), CAR, CAR).all()

@@ -8,7 +8,7 @@ import pytest
 from cwcli.signals.bsm_flags import EVENT_FLAG_NAMES, HARD_BRAKING_FLAG_NAME
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, DecodedMessages, Octets, decode_messages
 from cwcli.signals.radio.program import compile_type, load_message_type
-from cwcli.signals.radio.standard_messages import EVENTS_PATH
+from cwcli.signals.radio.standard_messages import BSM_EVENT_FLAGS_PATH
 from tests.unit.signals.radio import packing
 from tests.unit.signals.radio.vectors import BSM_ODE, CORE_ODE, CRUMBS_ODE, PREDICTION_ODE
 
@@ -19,7 +19,7 @@ CRUMBS_PATH = "partII.partII-Value.pathHistory.crumbData"
 PREDICTION_PATH = "partII.partII-Value.pathPrediction"
 CORE_PROGRAM = compile_type(
     load_message_type("bsm"),
-    (*packing.CORE, EVENTS_PATH, *(f"{PREDICTION_PATH}.{name}" for name in ("radiusOfCurve", "confidence"))),
+    (*packing.CORE, BSM_EVENT_FLAGS_PATH, *(f"{PREDICTION_PATH}.{name}" for name in ("radiusOfCurve", "confidence"))),
 )
 """All components of part I, and some of part II, more than cwcli reads."""
 HISTORY_PROGRAM = compile_type(
@@ -61,7 +61,7 @@ def check_random(n: int, seed: int) -> None:
     for row, value in enumerate(values):
         assert core_of(core, row) == {name: value[name] for name in packing.CORE}
         safety = value.get("safety", {})
-        assert core.component_codes(EVENTS_PATH)[row] == safety.get("events", MISSING_CODE)
+        assert core.component_codes(BSM_EVENT_FLAGS_PATH)[row] == safety.get("events", MISSING_CODE)
         assert (radius[row], confidence[row]) == safety.get("prediction", (MISSING_CODE, MISSING_CODE))
         expected = [[crumb[name] for name in CRUMB_NAMES] for crumb in value.get("all_crumbs", [])]
         assert crumbs[first[row] : first[row + 1]].tolist() == expected
@@ -118,7 +118,7 @@ def test_a_published_message_is_what_its_publisher_decoded() -> None:
     assert [int(core.component_codes(f"{PREDICTION_PATH}.{name}")[0]) for name in ("radiusOfCurve", "confidence")] == [
         *PREDICTION_ODE
     ]
-    assert core.component_codes(EVENTS_PATH)[0] == MISSING_CODE
+    assert core.component_codes(BSM_EVENT_FLAGS_PATH)[0] == MISSING_CODE
 
 
 def test_any_message_of_an_independent_encoder_is_decoded_exactly() -> None:
