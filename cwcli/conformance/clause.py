@@ -318,10 +318,12 @@ def _parse_number(name: str, table: Any, where: str, place: str = "numbers") -> 
         else [table["value"]]
     )
     largest = LARGEST_NUMBER_BY_UNIT[table["unit"]]
+    is_positive = place == "tolerances" or bool(table.get("ttc"))
+    lowest = 0.0 if is_positive or table["unit"] == "s" else -largest
     for value in raw:
         is_number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not is_number or abs(value) > largest or (place == "tolerances" and not value > 0.0):
-            least = f"more than 0, at most {largest:g}" if place == "tolerances" else f"-{largest:g} to {largest:g}"
+        if not is_number or not lowest <= value <= largest or (is_positive and value == 0.0):
+            least = f"more than 0, at most {largest:g}" if is_positive else f"{lowest:g} to {largest:g}"
             raise UsageError(f"{path}.value is {value!r}; permitted: {least} {table['unit']}".rstrip(), where=where)
     if not raw:
         raise UsageError(f"{path}.value is empty", where=where)

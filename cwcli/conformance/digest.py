@@ -44,10 +44,7 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     driven = sorted(result.driven_trials, key=lambda trial: _DIGEST_RANK_BY_OUTCOME[trial.outcome])
     rows = [(trial.trial.name, trial.outcome, trial.passed_text, trial.margin_text) for trial in driven]
     settings = ", ".join(value if name == "grade" else f"{name} {value}" for name, value in result.settings.items())
-    lines = [
-        f"{clause.name}: {result.outcome} ({NUMBERS_AS_PUBLISHED_TEXT}; {settings})",
-        *_format_rows(rows, MAX_DIGEST_LINES - 4, "trials"),
-    ]
+    lines = []
     n_idle = len(result.trials) - len(driven)
     if n_idle:
         lines.append(f"{format_count(n_idle, 'trial')} of the clause not in this log")
@@ -61,7 +58,13 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
         lines.append(
             f"{format_count(clause.n_unchecked_numbers, 'number')} as commonly stated, not checked in the standard"
         )
-    return _cut_to_digest_size(lines, "--details shows repetitions, numbers and sources")
+    lines += result.notes
+    heading = f"{clause.name}: {result.outcome} ({NUMBERS_AS_PUBLISHED_TEXT}; {settings})"
+    if len(heading) > MAX_DIGEST_LINE_CHARACTERS:
+        heading = f"{clause.name}: {result.outcome} ({NUMBERS_AS_PUBLISHED_TEXT})"
+        lines.append(settings)
+    table = _format_rows(rows, MAX_DIGEST_LINES - 2 - len(lines), "trials")
+    return _cut_to_digest_size([heading, *table, *lines], "--details shows repetitions, numbers and sources")
 
 
 def _cut_to_digest_size(lines: Sequence[str], last: str) -> list[str]:

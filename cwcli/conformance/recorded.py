@@ -13,7 +13,7 @@ import numpy as np
 
 from cwcli.channels.published import WARNINGS
 from cwcli.channels.warning import read_warnings, warning_events_with_known_start
-from cwcli.conformance.clause import Clause, Trial, load_clause
+from cwcli.conformance.clause import Clause, Trial, clause_names, load_clause
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.online import run_missing_stages
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
@@ -28,11 +28,11 @@ from cwcli.conformance.verdict import DrivenTrial, RaisedWarning
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes
 from cwcli.evaluation.system.flag import read_flag_from_topic
-from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.field_condition import CONDITION_EXAMPLES_HINT, parse_condition
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, X, Y
 
@@ -76,7 +76,8 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
     """
     clause = load_clause(clause_name)
     if not clause.tolerances:
-        raise UsageError(f"{clause.name} has no tolerances of recorded trials", hint="judge simulated ones")
+        known = ", ".join(name for name in clause_names() if load_clause(name).tolerances)
+        raise UsageError(f"{clause.name} has no tolerances of recorded trials", hint=f"clauses that have: {known}")
     if place.start_s is not None and place.end_s is not None and not place.start_s < place.end_s:
         raise UsageError(f"--start {place.start_s:g} is not before --end {place.end_s:g}")
     with Log.open(place.name) as log:
@@ -90,8 +91,10 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
                 where=log.name,
                 hint="check that the log covers the whole trial",
             )
-        warnings = (
-            _warnings_of_system(with_states, place) if place.system else _warnings_of_own_rule(with_states, config.rule)
+        warnings, notes = (
+            _warnings_of_system_and_notes(with_states, place.system)
+            if place.system
+            else (_warnings_of_own_rule(with_states, config.rule), ())
         )
         encounters = _encounter_by_other_vehicle(real, place, log.start_ns)
         trial, encounter = _find_driven_trial_and_encounter(clause, encounters, place)
@@ -100,7 +103,8 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
         clause,
         tuple(TrialResult(each, (result,) if each is trial else (), 1) for each in clause.trials),
         1,
-        {"log": place.name, "system": place.system or f"cwcli, rule {config.rule}"},
+        {"log": place.name, **({"system": place.system} if place.system else {"rule": config.rule})},
+        notes,
     )
 
 
@@ -113,16 +117,14 @@ def _warnings_of_own_rule(log: Log, rule: str) -> tuple[RaisedWarning, ...]:
     return tuple(RaisedWarning((raised - log.start_ns) / NS_PER_S, other) for raised, other in own)
 
 
-def _warnings_of_system(log: Log, place: LogTrial) -> tuple[RaisedWarning, ...]:
-    """The warnings of another system, by the option `--system`."""
-    assert place.system is not None
-    system = parse_other_system_options([f"warning={place.system}"])
-    if system.condition is None:
-        raise UsageError(
-            f"--system {place.system}: it names no condition", hint="for example --system /adas/fcw:data==true"
-        )
-    flag = read_flag_from_topic(log, system.warning, system.condition)
-    return tuple(RaisedWarning((raised - log.start_ns) / NS_PER_S) for raised, _ in flag.warning_spans_ns())
+def _warnings_of_system_and_notes(log: Log, system: str) -> tuple[tuple[RaisedWarning, ...], tuple[str, ...]]:
+    """The warnings of another system, by the option `--system`, and what is odd about them."""
+    topic, _, condition = system.partition(":")
+    if not topic.startswith("/") or not condition:
+        raise UsageError(f"--system {system}: expected /topic:field==value", hint=CONDITION_EXAMPLES_HINT)
+    flag = read_flag_from_topic(log, topic, parse_condition(condition))
+    warnings = tuple(RaisedWarning((raised - log.start_ns) / NS_PER_S) for raised, _ in flag.warning_spans_ns())
+    return warnings, flag.notes
 
 
 def _encounter_by_other_vehicle(real: ActualOutcomes, place: LogTrial, start_ns: int) -> dict[str, Encounter]:
@@ -193,7 +195,8 @@ def _find_driven_trial_and_encounter(
 
 def _distance_text(encounter: Encounter) -> str:
     """Where a vehicle is at the window's begin, in words."""
-    return f"{encounter.gap_m[0]:.1f} m ahead, {encounter.other[0, SPEED]:.1f} m/s, at {encounter.time_s[0]:.1f} s"
+    speed_mps = max(float(encounter.other[0, SPEED]), 0.0)  # rather than -0.0
+    return f"{encounter.gap_m[0]:.1f} m ahead, {speed_mps:.1f} m/s, at {encounter.time_s[0]:.1f} s"
 
 
 def _check_and_judge_recorded_trial(
@@ -211,7 +214,15 @@ def _check_and_judge_recorded_trial(
     reaction_s = host_braking_onset_or_end_s(encounter, onset)
     whole = continue_without_reaction(encounter, reaction_s)
     driven = DrivenTrial(whole, inside, trial.demands, config.policy or clause.policy)
-    verdict = judge_driven_trial(trial, driven, clause.name)
+    try:
+        verdict = judge_driven_trial(trial, driven, clause.name)
+    except UsageError as error:
+        raise DataError(
+            f"{trial.name}: its record is too short to judge the warning",
+            where=place.name,
+            found=(f"both vehicles are known from {begin_s:.2f} to {end_s:.2f} s", *error.found),
+            hint="begin the window (--start) earlier",
+        ) from error
     breaches = find_tolerance_breaches(
         clause, trial, encounter, checked_start_and_end_s(trial, whole, driven.warned_s, verdict)
     )

@@ -102,12 +102,14 @@ class ClauseResult:
 
     Attributes:
         settings: How it was run, by name: `rule`, `policy`, `grade`, `log`, `system`.
+        notes: What is odd about the warnings of another system.
     """
 
     clause: Clause
     trials: tuple[TrialResult, ...]
     n_repetitions: int
     settings: Mapping[str, str]
+    notes: tuple[str, ...] = ()
 
     @property
     def outcome(self) -> str:
@@ -153,6 +155,7 @@ class ClauseResult:
             "outcome": self.outcome,
             "repetitions": self.n_repetitions,
             "settings": dict(self.settings),
+            "notes": list(self.notes),
             "numbers": [_number_document(number) for number in clause.numbers.values()],
             "tolerances": [_number_document(number) for number in clause.tolerances.values()],
             "left_out": dict(clause.left_out),

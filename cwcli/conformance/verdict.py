@@ -115,8 +115,12 @@ def judge_by_window(driven: DrivenTrial, window: WarningWindow) -> Verdict:
     if not math.isfinite(window.latest_s) or window.latest_s < window.earliest_s:
         raise UsageError(
             "a trial leaves no time in which a warning would pass",
-            found=(f"earliest {window.earliest_s:.3f} s, latest {window.latest_s:.3f} s of the trial",),
-            hint="check the speeds, the gap and the deceleration of the trial",
+            found=(
+                f"it must come before {window.latest_s:.3f} s of the trial, but not before {window.earliest_s:.3f} s"
+                if math.isfinite(window.latest_s)
+                else "even at the trial's start, a warning would be too late",
+            ),
+            hint="check the speeds, the gap and the deceleration of the trial, and what is asked",
         )
     warned_s, encounter = driven.warned_s, driven.encounter
     values = {"earliest_s": window.earliest_s, "latest_s": window.latest_s, "warned_s": warned_s}

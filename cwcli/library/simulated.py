@@ -41,6 +41,7 @@ def write_simulation(
     seed: int | None = None,
     values: Mapping[str, object] | None = None,
     weather: str | None = None,
+    actors: str | Path | None = None,
     force: bool = False,
 ) -> Path:
     """Write a log with known truth from a scenario; the same scenario and seed give the same bytes.
@@ -51,6 +52,8 @@ def write_simulation(
         seed: Seed of all random draws; None: the scenario's own.
         values: Values of the scenario to change: `{"host.speed_mps": 15}`.
         weather: Weather of the road.
+        actors: Log with the states of `cwcli estimate`, whose vehicles drive instead of those of the scenario; the
+            sensors and the link are the scenario's.
         force: Overwrite a file that exists.
 
     Returns:
@@ -58,22 +61,31 @@ def write_simulation(
 
     Raises:
         UsageError: There is no such scenario, or a value is wrong.
+        MissingSignalError: The log of the actors lacks states.
         OutputError: The file exists, or can't be written.
     """
     overrides = tuple(f"{key}={value}" for key, value in (values or {}).items())
     name = f"./{target}" if str(target) == "-" else str(target)
+    log = None if actors is None else str(actors)
     with remember_inputs():
-        simulate_log(str(scenario), name, seed=seed, overrides=overrides, weather=weather, force=force)
+        simulate_log(str(scenario), name, seed=seed, overrides=overrides, weather=weather, actors=log, force=force)
     return Path(target)
 
 
 def simulate_log(
-    scenario: str, target: str, *, seed: int | None, overrides: tuple[str, ...], weather: str | None, force: bool
+    scenario: str,
+    target: str,
+    *,
+    seed: int | None,
+    overrides: tuple[str, ...],
+    weather: str | None,
+    actors: str | None,
+    force: bool,
 ) -> SimulatedLog:
     """Simulate and write a log; `cwcli.simulate` and the command come here.
 
     Args:
-        scenario, seed, weather, force: As in `write_simulation`.
+        scenario, seed, weather, actors, force: As in `write_simulation`.
         target: File, or `-` for standard output.
         overrides: `KEY=VALUE` of the scenario's values to change.
 
@@ -83,8 +95,11 @@ def simulate_log(
     if seed is not None and seed < 0:
         raise UsageError(f"--seed {seed} must not be negative")
     is_file = scenario not in (*ROAD_SCENARIOS, *scenario_names())
-    refuse_unwritable_targets([target], force=force, inputs=[scenario] if is_file else [])
+    inputs = [*([scenario] if is_file else []), *([actors] if actors is not None else [])]
+    refuse_unwritable_targets([target], force=force, inputs=inputs)
     if scenario in ROAD_SCENARIOS:
+        if actors is not None:
+            raise UsageError(f"--actors {actors}: a rendered drive has no vehicles", hint="name another scenario")
         return _write_rendered_road_log(
             scenario, target, weather, seed, (*ROAD_SCENARIOS[scenario], *overrides), force=force
         )
@@ -97,7 +112,12 @@ def simulate_log(
     from cwcli.simulation.drive import simulate_scenario
     from cwcli.simulation.scenario import load_scenario
 
-    drive = simulate_scenario(load_scenario(scenario, overrides), seed)
+    checked = load_scenario(scenario, overrides)
+    if actors is not None:
+        from cwcli.simulate.log_actors import replace_vehicles_by_those_of_log
+
+        checked = replace_vehicles_by_those_of_log(checked, actors)
+    drive = simulate_scenario(checked, seed)
     simulated = write_simulated_log(drive, target, force=force)
     about = f"{drive.scenario.description}; seed {drive.seed}, {drive.scenario.duration_s:g} s"
     return SimulatedLog(drive.scenario.name, drive.seed, about, simulated)

@@ -39,7 +39,8 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, N_STATES, SPEED, YAW_RATE, X, Y
 from cwcli.simulate.sensor_log import write_simulated_log
 from cwcli.simulation.drive import simulate_scenario
-from tests.studies.recorded_motion import RecordedTrack, replace_vehicles
+from cwcli.simulation.recorded_actors import RecordedTrack, replace_vehicles
+
 from cwcli.simulation.scenario import HOST_NAME, parse_scenario
 
 HORIZONS_S = (0.0, 3.7)

@@ -13,6 +13,7 @@ from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
 from cwcli.cli.text import escape_control_characters, wrap_paragraph
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.library.simulated import simulate_log
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.road.names import ROAD_SCENARIOS, WEATHER_NAMES
@@ -24,6 +25,7 @@ EXAMPLES = (
     "cwcli simulate road --weather rain --seed 3 --set size=640x480 -o road.mcap",
     "cwcli simulate departure --set drift=0.3 -o departure.mcap",
     "cwcli simulate xiang2019-turn -o - | cwcli track - --filter ukf",
+    "cwcli simulate rear-end --actors annotated.mcap --set v2x.delay_s=0.3 -o late.mcap",
 )
 """Command lines at the end of the command's `--help`."""
 
@@ -34,6 +36,39 @@ def _complete_scenarios(incomplete: str) -> list[str]:
 
 def _complete_weathers(incomplete: str) -> list[str]:
     return [name for name in WEATHER_NAMES if name.startswith(incomplete)]
+
+
+@dataclass(frozen=True)
+class ChangeOptions:
+    """What is other than in the scenario."""
+
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", metavar="N", show_default="the scenario's own", help="Seed of all random draws."),
+    ] = None
+    override: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the scenario. Repeatable.")
+    ] = None
+    weather: Annotated[
+        str | None,
+        typer.Option(
+            "--weather",
+            metavar="NAME",
+            show_default="clear",
+            autocompletion=_complete_weathers,
+            help=f"Weather of a rendered drive: {', '.join(WEATHER_NAMES)}.",
+        ),
+    ] = None
+    actors: Annotated[
+        str | None,
+        typer.Option(
+            "--actors",
+            metavar="LOG",
+            show_default="the scenario's vehicles",
+            help="Drive the vehicles of this annotated log as they were recorded, with the sensors and the V2X link of "
+            "the scenario.",
+        ),
+    ] = None
 
 
 def command(
@@ -47,25 +82,9 @@ def command(
         ),
     ],
     talk: TalkOptions,
+    change: ChangeOptions,
     output: Annotated[
         str | None, typer.Option("--output", "-o", metavar="FILE", help="Write the log here; - is standard output.")
-    ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option("--seed", metavar="N", show_default="the scenario's own", help="Seed of all random draws."),
-    ] = None,
-    override: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a value of the scenario. Repeatable.")
-    ] = None,
-    weather: Annotated[
-        str | None,
-        typer.Option(
-            "--weather",
-            metavar="NAME",
-            show_default="clear",
-            autocompletion=_complete_weathers,
-            help=f"Weather of a rendered drive: {', '.join(WEATHER_NAMES)}.",
-        ),
     ] = None,
     force: ForceOption = False,
 ) -> None:
@@ -85,7 +104,13 @@ def command(
     ):
         progress.begin_step(f"simulating {scenario}")
         simulated = simulate_log(
-            scenario, output, seed=seed, overrides=tuple(override or ()), weather=weather, force=force
+            scenario,
+            output,
+            seed=change.seed,
+            overrides=tuple(change.override or ()),
+            weather=change.weather,
+            actors=change.actors,
+            force=force,
         )
     if talk.json:
         document = {

@@ -195,7 +195,6 @@ def _condition_as_1_0_or_unknown(value: object, condition: Condition) -> int:
 
 def _missing_field_error(log: Log, topic: str, condition: Condition, *, is_unlike: bool) -> UsageError:
     """Return the error of a condition that fits no message, with the fields that there are."""
-    option = f"--topic warning={topic}:{condition.text}"
     known: dict[str, str] = {}
     for _, message in islice(log.iter_message_trees(topic), MAX_SCANNED_MESSAGES):
         if not isinstance(message, UndecodableMessage):
@@ -204,7 +203,8 @@ def _missing_field_error(log: Log, topic: str, condition: Condition, *, is_unlik
     if len(known) > MAX_LISTED_FIELDS:
         shown += (f"and {len(known) - MAX_LISTED_FIELDS} more",)
     what = "what its messages hold there can't be compared so" if is_unlike else "its messages have no such field"
-    return UsageError(f"{option}: {what}", where=log.name, found=shown, hint="name one of the fields found")
+    what = f"{topic}:{condition.text}: {what}"
+    return UsageError(what, where=log.name, found=shown, hint="name one of the fields found")
 
 
 def _collect_field_kinds(value: object, path: str, kind_text_by_path: dict[str, str]) -> None:

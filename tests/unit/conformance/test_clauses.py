@@ -115,6 +115,8 @@ def test_five_of_seven_is_a_share_of_other_numbers_of_seeds() -> None:
     [
         (lambda d: d["numbers"]["ttc-stopped"].update(value=float("nan")), "ttc-stopped.value is nan"),
         (lambda d: d["numbers"]["subject-speed"].update(value=900), "permitted: -156 to 156 mph"),
+        (lambda d: d["numbers"]["ttc-stopped"].update(value=0), "permitted: more than 0, at most 60 s"),
+        (lambda d: d["numbers"]["brake-ramp"].update(value=-0.5), "permitted: 0 to 60 s"),
         (lambda d: d["numbers"]["subject-speed"].update(unit="furlong"), "unit is 'furlong'"),
         (lambda d: d["numbers"]["subject-speed"].update(basis="sure"), "basis is 'sure'"),
         (lambda d: d["numbers"]["subject-speed"].pop("source"), "source is missing"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
@@ -13,6 +14,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from cwcli.conformance.clause import load_clause
+from cwcli.conformance.digest import format_digest
 from cwcli.conformance.online import build_trial_scenario
 from cwcli.conformance.recorded import LogTrial, judge_log
 from cwcli.conformance.results import FAILED, NOT_VALID, PASSED, ClauseResult
@@ -124,6 +126,22 @@ def test_a_lead_that_brakes_too_weakly_makes_the_trial_not_valid(tmp_path: Path)
     assert any("permitted 2.94 +- 0.29" in breach for breach in breaches(result))
 
 
+@pytest.mark.parametrize(
+    ("number", "change", "words"),
+    [
+        (2, {"speed_mps": 20.0 * MPH + 0.8}, r"other speed 9\.7\d m/s .*; permitted 8\.94 \+- 0\.45 m/s"),
+        (1, {"x_m": 37.5}, r"gap 33\.0\d m .*; permitted 30\.00 \+- 2\.40 m"),
+    ],
+    ids=["other-speed", "gap"],
+)
+def test_a_lead_at_another_speed_or_gap_makes_the_trial_not_valid(
+    tmp_path: Path, number: int, change: dict[str, Any], words: str
+) -> None:
+    result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", number, {"other": change}), CONFIG)
+    assert [trial.outcome for trial in result.driven_trials] == [NOT_VALID]
+    assert re.match(words, breaches(result)[0]), breaches(result)
+
+
 def test_a_driver_who_reacts_to_the_warning_does_not_spoil_the_trial(tmp_path: Path) -> None:
     braking = [{"from_s": 0, "accel_mps2": 0}, {"from_s": 5.2, "accel_mps2": -7.0, "jerk_mps3": 30.0}]
     result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0, {"host": {"longitudinal": braking}}), CONFIG)
@@ -161,6 +179,13 @@ def test_a_window_that_ends_before_it_begins_is_refused(tmp_path: Path) -> None:
         judge_log(CLAUSE, LogTrial("drive.mcap", start_s=5.0, end_s=2.0), CONFIG)
 
 
+def test_a_window_that_begins_after_the_last_moment_of_a_warning_is_refused(tmp_path: Path) -> None:
+    place = write_trial(tmp_path / "a.mcap", 0)
+    with pytest.raises(DataError, match="lead vehicle stopped: its record is too short") as caught:
+        judge_log(CLAUSE, LogTrial(place.name, start_s=6.5), CONFIG)
+    assert caught.value.found[1] == "even at the trial's start, a warning would be too late"
+
+
 def test_a_failed_recording_fails(tmp_path: Path) -> None:
     result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0), ConformConfig(jobs=1, rule="eebl"))
     assert outcomes(result) == {"lead vehicle stopped": FAILED}  # nobody brakes hard, so that rule never warns
@@ -178,7 +203,14 @@ def test_another_system_is_judged_by_its_flag(tmp_path: Path, raised_s: float, o
     assert verdict.margin == pytest.approx(4.9 - raised_s, abs=0.1)
 
 
+def test_a_flag_that_is_always_set_is_no_warning_and_the_digest_says_so(tmp_path: Path) -> None:
+    place = write_trial(tmp_path / "a.mcap", 0)
+    result = judge_log(CLAUSE, LogTrial(place.name, system="/gps/fix:altitude>0"), CONFIG)
+    assert result.outcome == FAILED
+    assert any("a stuck flag is no warning" in line for line in format_digest([result]))
+
+
 def test_a_system_without_a_condition_is_refused(tmp_path: Path) -> None:
     place = write_trial(tmp_path / "a.mcap", 0)
-    with pytest.raises(UsageError):
+    with pytest.raises(UsageError, match="--system /adas/fcw: expected"):
         judge_log(CLAUSE, LogTrial(place.name, system="/adas/fcw"), CONFIG)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from cwcli.errors import UsageError
+import cwcli
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.logs.read.reader import Log
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 from cwcli.simulation.drive import simulate_scenario
+from cwcli.simulation.recorded_actors import RecordedMotion, RecordedTrack, replace_vehicles
 from cwcli.simulation.scenario import parse_scenario
-from tests.studies.recorded_motion import RecordedMotion, RecordedTrack, replace_vehicles
 
 ATOL_M = 1e-4
 
@@ -22,6 +26,14 @@ def circle_track(speed_mps: float = 10.0, radius_m: float = 50.0) -> RecordedTra
     state[:, X], state[:, Y] = radius_m * np.sin(turned), -radius_m * np.cos(turned)
     state[:, SPEED], state[:, HEADING] = speed_mps, np.angle(np.exp(1j * turned))
     return RecordedTrack(time_s, state, 4.5, 1.8)
+
+
+def read_states(path: Path, topic: str) -> tuple[np.ndarray, ...]:
+    """Times, s, places and speeds of the only vehicle of a channel."""
+    with Log.open(str(path)) as log:
+        columns = log.columns(topic)
+    stamp_ns, x_m, y_m, speed_mps = (columns.fields[name] for name in ("stamp_ns", "x_m", "y_m", "speed_mps"))
+    return (np.asarray(stamp_ns) / 1e9, np.asarray(x_m), np.asarray(y_m), np.asarray(speed_mps))
 
 
 def test_positions_between_the_states_are_on_the_circle() -> None:
@@ -37,6 +49,37 @@ def test_outside_its_states_it_drives_straight_on_and_is_not_present() -> None:
     before = motion.states_at(np.array([-1.0]))[0]
     assert before[X] == pytest.approx(50.0 * np.sin(2.5) - 10.0 * np.cos(2.5), abs=ATOL_M)
     assert motion.is_present_at(np.array([-1.0, 0.0, 10.0, 10.2])).tolist() == [False, True, True, False]
+
+
+def test_in_a_gap_of_its_states_it_is_not_present() -> None:
+    track = circle_track()
+    rows = np.r_[0:31, 60:101]  # known until 3 s and from 6 s on
+    motion = RecordedMotion(RecordedTrack(track.time_s[rows], track.state[rows], 4.5, 1.8))
+    assert motion.is_present_at(np.array([2.95, 3.0, 3.1, 5.9, 6.0, 10.0])).tolist() == [
+        True, True, False, False, True, True,
+    ]  # fmt: skip
+
+
+def test_too_many_actors_are_refused() -> None:
+    base = parse_scenario({"duration_s": 1, "vehicles": {"host": {"speed_mps": 1}}}, name="base")
+    long = RecordedTrack(np.array([0.0, 40_001.0]), np.zeros((2, 8)), 4.5, 1.8)
+    with pytest.raises(UsageError, match="2 recorded vehicles for 40001 s are too many"):
+        replace_vehicles(base, {"host": long, "a": long}, name="long")
+
+
+def test_the_vehicles_of_a_log_drive_again_with_other_sensors(tmp_path: Path) -> None:
+    """Their states in hindsight are the truth of the new log; a braking lead is smoothed by a few centimetres."""
+    first, annotated, again = (tmp_path / name for name in ("first.mcap", "annotated.mcap", "again.mcap"))
+    cwcli.simulate("rear-end", first, seed=1)
+    cwcli.open(first).run("estimate").save(annotated)
+    cwcli.simulate("rear-end", again, values={"sensors.gnss.sigma_m": 5.0}, actors=annotated)
+    for topic, state in (("/truth/ego", "/cwcli/ego/state"), ("/simulation/vehicles", "/cwcli/remote/state")):
+        recorded, driven = (read_states(path, name) for path, name in ((annotated, state), (again, topic)))
+        for k, column in enumerate(recorded[1:], start=1):
+            expected = np.interp(driven[0], recorded[0], column)
+            np.testing.assert_allclose(driven[k], expected, atol=(0, 0.01, 0.01, 0.02)[k])
+    with pytest.raises(MissingSignalError, match="no states of vehicles"):
+        cwcli.simulate("rear-end", tmp_path / "no.mcap", actors=first)
 
 
 def test_an_actor_is_heard_only_while_it_was_recorded_and_the_sensors_are_the_scenario_s() -> None:

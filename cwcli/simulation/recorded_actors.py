@@ -1,4 +1,4 @@
-"""The motion of a vehicle as it was recorded, as an actor of a scenario: states at some times, and between them."""
+"""Recorded vehicles as the actors of a scenario: their states at some times, and between them."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, N_STATES, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 from cwcli.simulation.attitude import LEVEL_ATTITUDE
-from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle
+from cwcli.simulation.scenario import HOST_NAME, MAX_VEHICLE_SECONDS, Scenario, ScenarioVehicle
 
 MIN_SAMPLES = 2
 """Least number of states of a recorded actor: two, between which its motion is interpolated."""
+MAX_STEP_OF_PRESENT_ACTOR_S = 1.0
+"""Longest time between two states, s, in which a recorded actor is on the road. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +59,10 @@ class RecordedMotion:
         self._state[:, HEADING] = np.unwrap(state[:, HEADING])
 
     def is_present_at(self, time_s: FloatArray) -> npt.NDArray[np.bool_]:
-        """Tell at which times (n,) the vehicle is on the road: between its first state and its last."""
-        return np.asarray((time_s >= self._time_s[0]) & (time_s <= self._time_s[-1]))
+        """Tell at which times (n,) the vehicle is on the road: between two states that follow each other closely."""
+        k = np.clip(np.searchsorted(self._time_s, time_s, side="right") - 1, 0, len(self._time_s) - 2)
+        is_known = (self._time_s[k + 1] - self._time_s[k] <= MAX_STEP_OF_PRESENT_ACTOR_S) | (time_s == self._time_s[k])
+        return np.asarray(is_known & (time_s >= self._time_s[0]) & (time_s <= self._time_s[-1]))
 
     def states_at(self, time_s: FloatArray) -> FloatArray:
         """The states (n, 8) at times (n,), seconds of the run; columns as `vehicle_state.STATE_NAMES`."""
@@ -98,7 +102,7 @@ def replace_vehicles(scenario: Scenario, tracks: Mapping[str, RecordedTrack], *,
         tracks: By name: `host` and the others. The run lasts as long as the host's track.
 
     Raises:
-        UsageError: There is no host, or a track is none.
+        UsageError: There is no host, a track is none, or there are too many.
     """
     if HOST_NAME not in tracks:
         raise UsageError("recorded actors need the track of the host")
@@ -114,4 +118,17 @@ def replace_vehicles(scenario: Scenario, tracks: Mapping[str, RecordedTrack], *,
         )  # fmt: skip
     ordered = {HOST_NAME: vehicles[HOST_NAME], **vehicles}
     end_s = float(tracks[HOST_NAME].time_s[-1])
-    return replace(scenario, name=name, duration_s=end_s, vehicles=MappingProxyType(ordered))
+    if len(tracks) * end_s > MAX_VEHICLE_SECONDS:
+        raise UsageError(
+            f"{len(tracks)} recorded vehicles for {end_s:.0f} s are too many: permitted are {MAX_VEHICLE_SECONDS:,} s "
+            "of all vehicles together",
+            hint="cut the log first (`cwcli cut --start --end`)",
+        )
+    return replace(
+        scenario,
+        name=name,
+        description=f"The vehicles of {name} as they were recorded",
+        duration_s=end_s,
+        vehicles=MappingProxyType(ordered),
+        document={**scenario.document, "duration_s": end_s, "vehicles": {vehicle: {} for vehicle in ordered}},
+    )
