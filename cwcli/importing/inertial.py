@@ -139,7 +139,7 @@ def _choose_accel_unit_or_ask(meaning: Meaning, columns: list[str], values: Floa
     meaning.add_question(
         f"{columns[0]!r} has no unit, and its size ({norm:.3g}) is not that of gravity",
         " ".join(f"--column accel_{axis}='{column}*mps2'" for axis, column in zip("xyz", columns, strict=True))
-        + ", or *g",
+        + ", or *g; --column accel_x= leaves them out",
     )
     return UNKNOWN_UNIT
 

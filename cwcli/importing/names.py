@@ -42,7 +42,7 @@ _CAR_WORDS = (
 _WORDS_BESIDE_TIME = (
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
     "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date "
-    "fly flight osd marca de step"
+    "fly flight osd marca de step frame"
 )
 _WORDS_BESIDE_PLACE = "pos position local map utm enu global world vehicle veh ego car"
 _AXIS_NOUNS_OF_ACCEL = "gforce acceleration accelerometer accel acc accelerations"
@@ -55,7 +55,7 @@ QUANTITIES: dict[str, Quantity] = {
     "time": _quantity(
         "time",
         (
-            "time timestamp timestamps timestep stamp t datetime epoch clock zeit zeitstempel tijd "
+            "time times timestamp timestamps tst timestep stamp t datetime epoch clock zeit zeitstempel tijd "
             "tijdstip tijdstempel temps horodatage heure tiempo hora ora tempo tid tidpunkt czas ts timeofday "
             "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"
         ),
@@ -141,7 +141,7 @@ QUANTITIES: dict[str, Quantity] = {
             "hour": "hour hours hr hh stunde",
             "minute": "minute minutes min mm",
             "second": "second seconds sec secs ss sekunde",
-            "millisecond": "millisecond milliseconds millisekunde",
+            "millisecond": "millisecond milliseconds millisekunde ms",
             "nanosecond": "nano nanosecond",
         }.items()
     },

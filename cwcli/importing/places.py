@@ -88,11 +88,11 @@ def find_positions_and_track(meaning: Meaning) -> None:
 
 def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) -> None:
     values = {"latitude": meaning.unscaled_numbers(latitude), "longitude": meaning.unscaled_numbers(longitude)}
-    units = {}
+    unscaled, units = dict(values), {}
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         choice = meaning.stated_unit(quantity, column)
         if not choice.unit:
-            choice = _choose_place_unit_or_ask(meaning, values[quantity], quantity, column)
+            choice = _choose_place_unit_or_ask(meaning, unscaled, quantity, column)
             if not choice.unit:
                 return
         if choice.unit == "ddmm":
@@ -159,25 +159,43 @@ def _take_degrees_and_minutes_or_ask(meaning: Meaning, size: float, quantity: st
     if any(name in meaning.table.codes for name in meaning.table.candidates.get(f"{quantity}_half", ())):
         return UnitChoice("ddmm", "likely", "degrees and minutes as in NMEA, with the hemisphere beside them")
     meaning.add_question(
-        f"{column!r}: values up to {size:g} look like degrees and minutes (ddmm.mmmm)", "give the original NMEA file"
+        f"{column!r}: values up to {size:g} look like degrees and minutes (ddmm.mmmm)",
+        f"give the original NMEA file, or --column {quantity}='{column}*arcmin' for minutes alone",
     )
     return UNKNOWN_UNIT
 
 
-def _choose_place_unit_or_ask(meaning: Meaning, values: FloatArray, quantity: str, column: str) -> UnitChoice:
+def _choose_unit_of_whole_numbers_or_ask(
+    meaning: Meaning, values_by_quantity: dict[str, FloatArray], size: float, column: str
+) -> UnitChoice:
+    """Return the unit of places in whole numbers of millions and more."""
+    is_in_range_as_e6 = all(
+        np.nanmax(np.abs(values_by_quantity[name])) * 1e-6 <= limit
+        for name, limit in (("latitude", MAX_LATITUDE_DEG), ("longitude", MAX_LONGITUDE_DEG))
+    )
+    if "position" in meaning.words_of_column(column):  # of Garmin's FIT, whose places are semicircles unless converted
+        other = "semicircles"
+    elif is_in_range_as_e6:
+        other = "1e-6deg"
+    else:
+        return UnitChoice("1e-7deg", "likely", "whole numbers of this size are 1e-7 degrees")
+    meaning.add_question(
+        f"{column!r}: whole numbers up to {size:g} may be {other.replace('deg', ' degrees')} or 1e-7 degrees",
+        f"--column latitude=NAME*{other}, or *1e-7deg; longitude alike",
+    )
+    return UNKNOWN_UNIT
+
+
+def _choose_place_unit_or_ask(
+    meaning: Meaning, values_by_quantity: dict[str, FloatArray], quantity: str, column: str
+) -> UnitChoice:
+    values = values_by_quantity[quantity]
     size = float(np.nanmax(np.abs(values)))
     limit = MAX_LATITUDE_DEG if quantity == "latitude" else MAX_LONGITUDE_DEG
     if size <= limit:
         return UnitChoice("deg", "certain", "the name, and the range of the values")
-    whole = bool(np.nanmax(np.abs(values - np.rint(values))) == 0.0)
-    if whole and size > 1e6 and size * 1e-7 <= limit and "position" in meaning.words_of_column(column):
-        meaning.add_question(  # the names of Garmin's FIT, whose places are semicircles unless a converter changed them
-            f"{column!r}: whole numbers up to {size:g} may be semicircles or 1e-7 degrees",
-            "--column latitude=NAME*semicircles, or *1e-7deg; longitude alike",
-        )
-        return UNKNOWN_UNIT
-    if whole and size > 1e6 and size * 1e-7 <= limit:
-        return UnitChoice("1e-7deg", "likely", "whole numbers of this size are 1e-7 degrees")
+    if size > 1e6 and size * 1e-7 <= limit and not (values[np.isfinite(values)] % 1.0).any():
+        return _choose_unit_of_whole_numbers_or_ask(meaning, values_by_quantity, size, column)
     if size <= MAX_LONGITUDE_DEG:
         return UnitChoice("deg", "certain", "the name")
     if size < 100.0 * limit + 60.0 and (np.nan_to_num(np.abs(values)) % 100.0 < 60.0).all():

@@ -22,7 +22,7 @@ from cwcli.importing.tables import Guess, UnitChoice
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.signals.columns import FloatArray
 
-SPEED_UNITS = ("mps", "kmh", "mph", "knots")
+SPEED_UNITS = ("mps", "kmh", "mph", "knots", "cmps", "mmps")
 """Units that a speed without one can have."""
 MAX_LOG_RATIO_OF_STATED_SPEED = 0.25
 """Largest natural logarithm of the ratio of a speed in its stated unit to the speed over ground, above which is asked.
@@ -36,6 +36,11 @@ degree, as MAVLink has them."""
 MAX_MEDIAN_ANGLE_OF_FITTING_HEADING_DEG, MIN_MEDIAN_ANGLE_OF_UNFIT_HEADING_DEG = 12.0, 25.0
 """Median angles in degrees between a heading and the direction of motion: below the first its sense fits, above the
 second it does not. Chosen by hand."""
+MAX_UNASKED_HEADING_OFFSET_DEG = 5.0
+"""Greatest angle in degrees by which a heading may lie on one side of the direction of motion all the time. Chosen by
+hand: compasses and courses of receivers are as good, and the declination of most of Europe is less."""
+MAX_OFFSET_SCATTER_SHARE = 1.0 / 3.0
+"""Largest scatter of that angle, as a share of it, at which it is the same all the time. Chosen by hand; not fitted."""
 MAX_MISFIT_DIFFERENCE_OF_EQUAL_SENSES_DEG = 3.0
 """Largest difference in degrees of the median angles of two senses that fit equally well. Chosen by hand."""
 MIN_CORRELATION_TO_SHOW_YAW_RATE_SENSE = 0.5
@@ -196,7 +201,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
     values = meaning.unscaled_numbers(column)
     if quantity == "course":
         values = _without_unknown_minus_one(meaning, np.where(values < -180.0, np.nan, values))
-    if float(np.nanmin(values)) == float(np.nanmax(values)) > MAX_ANGLE_WITHOUT_FULL_TURNS_DEG:
+    if float(np.nanmin(values)) == float(np.nanmax(values)) and _stands_for_no_angle(float(np.nanmax(values)), track):
         meaning.notes.append(
             f"{column!r} is left out: it is {np.nanmax(values):g} everywhere, which stands for no {quantity}"
         )
@@ -247,11 +252,11 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
         choices = " or ".join(f"--column {quantity}='{column}*{each}'" for each in options[:3])
         meaning.add_question(what, f"{choices}; --column {quantity}= leaves it out")
     else:
+        assert track is not None  # it shows what fits
+        may_be_swapped = bool(default) and chosen != default
         if (
-            default
-            and chosen != default
-            and _add_question_if_swap_fits_as_well(meaning, quantity, column, fits[chosen])
-        ):
+            may_be_swapped and _add_question_if_swap_fits_as_well(meaning, quantity, column, fits[chosen])
+        ) or _add_question_if_heading_beside_way(meaning, quantity, column, chosen, track):
             return
         _add_heading_quantity(
             meaning,
@@ -262,6 +267,35 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
             "likely",
             f"{fits[chosen]:.1f} degrees from the way between the positions",
         )
+
+
+def _stands_for_no_angle(value: float, track: TrackSpans | None) -> bool:
+    """Tell whether a value that a heading has everywhere is none: beyond the full circle, or 0 while the car turns."""
+    if value > MAX_ANGLE_WITHOUT_FULL_TURNS_DEG:
+        return True
+    if value != 0.0 or track is None or not track.can_show_units_and_directions:
+        return False
+    course_rad = track.course_rad[track.moving_span_mask]
+    mean_rad = np.angle(np.exp(1j * course_rad).sum())
+    return bool(np.degrees(np.abs(np.angle(np.exp(1j * (course_rad - mean_rad))))).max() > POOR_FIT_DEG)
+
+
+def _add_question_if_heading_beside_way(
+    meaning: Meaning, quantity: str, column: str, sense: str, track: TrackSpans
+) -> bool:
+    """Ask where a heading lies on one side of the way by the same angle all the time."""
+    heading_rad = _angles_to_heading_rad(meaning.unscaled_numbers(column), sense)
+    errors_deg = np.degrees(heading_minus_course_of_moving_spans_rad(track, meaning.stamp_ns, heading_rad))
+    offset_deg = float(np.median(errors_deg))
+    scatter_deg = float(np.median(np.abs(errors_deg - offset_deg)))
+    if abs(offset_deg) < MAX_UNASKED_HEADING_OFFSET_DEG or scatter_deg > MAX_OFFSET_SCATTER_SHARE * abs(offset_deg):
+        return False
+    meaning.add_question(
+        f"{column!r} points {abs(offset_deg):.0f} degrees {'left' if offset_deg > 0.0 else 'right'} of the way between "
+        "the positions all the time, as from magnetic north or of a turned sensor",
+        f"--column {quantity}= leaves it out; --column {quantity}='{column}*{sense}' reads it as it is",
+    )
+    return True
 
 
 def _add_question_if_swap_fits_as_well(meaning: Meaning, quantity: str, column: str, fit_deg: float) -> bool:

@@ -263,7 +263,7 @@ def _date_column_with_clock_column_candidate(
     )
     if clock is None:
         return None
-    other = table.text_times[clock]
+    other = _with_parts_of_second(table, table.text_times[clock])
     date_and_clock = TextTimes(times.parts, other.ns_of_day, other.offset_s, times.valid & other.valid, times.mark)
     n_midnights = _midnights_that_date_ignores(date_and_clock)
     words = (*split_name(column).words, *split_name(clock).words, split_name(clock).unit_text.lower())
@@ -279,6 +279,16 @@ def _date_column_with_clock_column_candidate(
             guess, why=f"{guess.why}; the clock passes midnight and the date stays: it is that of the start"
         )
     return TimeCandidate(column, rank, stamp_ns, found.valid, guess, found.question)
+
+
+def _with_parts_of_second(table: LoadedTable, clock: TextTimes) -> TextTimes:
+    """Return times of day in whole seconds with the milliseconds or nanoseconds of another column, if there is one."""
+    for part, unit_ns in NS_BY_SECOND_PART_QUANTITY.items():
+        for name in table.candidates.get(part, ()):
+            ns = np.rint(np.nan_to_num(table.numbers.get(name, np.full(len(clock.valid), np.nan))) * unit_ns)
+            if not (clock.ns_of_day % NS_PER_S).any() and ns.any() and ((ns >= 0) & (ns < NS_PER_S)).all():
+                return replace(clock, ns_of_day=clock.ns_of_day + ns.astype(np.int64))
+    return clock
 
 
 def _midnights_that_date_ignores(times: TextTimes) -> Int64Array | None:

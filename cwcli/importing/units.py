@@ -14,6 +14,7 @@ FACTOR_BY_KIND_AND_UNIT: dict[str, dict[str, float]] = {
     "place": {
         "deg": 1.0,
         "rad": 180.0 / math.pi,
+        "arcmin": 1.0 / 60.0,
         "1e-7deg": 1e-7,
         "1e-6deg": 1e-6,
         "semicircles": 180.0 / 2**31,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
@@ -23,6 +23,7 @@ from cwcli.importing.text_file import iter_text_lines
 from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.can import MAX_FRAME_BYTES, DbcMessage, decode_all_signals, load_dbc_messages
+from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 
 CANDUMP_LINE_PATTERN = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
@@ -33,6 +34,9 @@ ASC_HEADER_PATTERN = re.compile(
 """A line near the start of an ASC trace."""
 N_ASC_HEAD_LINES = 5
 """Number of lines at the start of an ASC trace in which it tells what its times count from. Chosen by hand."""
+MAX_GAP_BETWEEN_PLACES_S = 1.5
+"""Longest gap between two frames of a longitude, s, across which it is put to the times of the latitude. Chosen by
+hand: receivers give a place a second."""
 BLF_MAGIC = b"LOGG"
 """First bytes of a BLF file."""
 
@@ -90,7 +94,9 @@ def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequ
             found=names[:20],
             hint="--dbc FILE names the file of this bus; --column QUANTITY=SIGNAL names a signal",
         )
-    tables = [_build_table_of_message(path, kind, message, rows) for message, rows in found]
+    decoded = [(message, _decode_message(message, rows)) for message, rows in found]
+    notes += _pair_places_of_different_frames([columns for _, columns in decoded])
+    tables = [_build_table_of_message(path, kind, message, columns, messages) for message, columns in decoded]
     tables[0].notes.extend(notes)
     return tables
 
@@ -99,13 +105,45 @@ def _can_be_quantity(name: str) -> bool:
     return any(QUANTITIES[quantity].kind not in {"time", "text", "number"} for quantity in quantities_of_name(name))
 
 
-def _build_table_of_message(path: str, kind: str, message: DbcMessage, frames: FramesOfMessage) -> SourceTable:
+def _decode_message(message: DbcMessage, frames: FramesOfMessage) -> dict[str, Any]:
+    """Return the times of a message's frames in ns and their signals, (n,) each; NaN where a frame lacks a signal."""
     octets = np.frombuffer(frames.data, np.uint8).reshape(-1, MAX_FRAME_BYTES)
     n_octets = np.array(frames.n_octets, np.int64)
     values: dict[str, Any] = {"time": None} | decode_all_signals(octets, n_octets, message)
     values["time"] = np.array(frames.stamp_ns, np.int64)
-    units = {"time": "ns", **{signal.name: signal.unit or "" for signal in message.signals}}
-    return SourceTable.of_arrays(path, message.name, kind, values, units=units)
+    return values
+
+
+def _build_table_of_message(
+    path: str, kind: str, message: DbcMessage, columns: dict[str, Any], messages: Mapping[Any, DbcMessage]
+) -> SourceTable:
+    unit_by_signal = {
+        signal.name: signal.unit or "" for each in (*messages.values(), message) for signal in each.signals
+    }
+    units = {"time": "ns", **{name: unit_by_signal[name] for name in columns if name != "time"}}
+    return SourceTable.of_arrays(path, message.name, kind, columns, units=units)
+
+
+def _pair_places_of_different_frames(tables: list[dict[str, Any]]) -> list[str]:
+    """Put the longitude between its frames to the times of the latitude, where no frame holds both; return notes.
+
+    It changes nothing where several signals can be either.
+    """
+    signals = {
+        quantity: [(table, name) for table in tables for name in table if quantities_of_name(name) == [quantity]]
+        for quantity in ("latitude", "longitude")
+    }
+    if any(len(found) != 1 for found in signals.values()):
+        return []
+    (latitudes, latitude), (longitudes, longitude) = signals["latitude"][0], signals["longitude"][0]
+    known, stamp_ns = np.isfinite(longitudes[longitude]), longitudes["time"]
+    if latitudes is longitudes and (known & np.isfinite(latitudes[latitude])).any():
+        return []
+    values = resample(
+        stamp_ns[known], longitudes.pop(longitude)[known], latitudes["time"], max_gap_s=MAX_GAP_BETWEEN_PLACES_S
+    )
+    latitudes[longitude] = np.where(np.isfinite(latitudes[latitude]), values, np.nan)
+    return [f"{longitude} is put to the times of {latitude}, between its own frames"]
 
 
 class _TraceLines(io.TextIOBase):

@@ -14,7 +14,7 @@ PCAP_MAGICS = (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"
 UNREAD_FORMATS: tuple[tuple[str, str, Callable[[FileHead], bool]], ...] = (
     ("a FIT activity", AS_GPX, lambda head: head.data[8:12] == b".FIT"),
     ("a TCX activity", AS_GPX, lambda head: b"<TrainingCenterDatabase" in head.data[:2000]),
-    ("KMZ", AS_GPX, lambda head: _is_zip_with(head, b"doc.kml")),
+    ("KMZ", "unpack it, and import its doc.kml", lambda head: _is_zip_with(head, b"doc.kml")),
     ("an Excel workbook", AS_CSV, lambda head: _is_zip_with(head, b"[Content_Types].xml", b"xl/")),
     ("an old Excel workbook", AS_CSV, lambda head: head.data.startswith(b"\xd0\xcf\x11\xe0")),
     ("an OpenDocument table", AS_CSV, lambda head: _is_zip_with(head, b"mimetypeapplication/vnd.oasis")),
@@ -45,6 +45,16 @@ UNREAD_FORMATS: tuple[tuple[str, str, Callable[[FileHead], bool]], ...] = (
     ),
     ("a NovAtel log", "convert it to NMEA or CSV", lambda head: bool(re.match(rb"[#%][A-Z]{5,}[AS]?,", head.data))),
     ("a recording of network packets", "export the payload", lambda head: head.data[:4] in PCAP_MAGICS),
+    (
+        "a PEAK CAN trace",
+        "write it as ASC: can_logconvert FILE trace.asc",
+        lambda head: head.data.startswith(b";$FILEVERSION"),
+    ),
+    (
+        "a table of CAN frames",
+        "write it as ASC: can_logconvert FILE trace.asc",
+        lambda head: head.data.startswith(b"timestamp,arbitration_id,extended,remote,error,dlc,data"),
+    ),
     (
         "candump's output for the screen",
         "record it with candump -L",

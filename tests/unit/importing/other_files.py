@@ -254,6 +254,25 @@ def candump_extended(folder: Path) -> list[Path]:
     return [folder / "candump-2023-11-14_231320.log", folder / "veh.dbc"]
 
 
+def candump_places_apart(folder: Path, multiplexed: bool) -> list[Path]:
+    """Latitude and longitude in different frames, 2 ms apart: of a multiplexed message, or of two messages."""
+    import cantools
+
+    b, selector, switch = ("A", " SG_ Mux M : 0|8@1+ (1,0) [0|9] \"\" ECU\n", (" m0", " m1")) if multiplexed else ("B", "", ("", ""))
+    places = [f' SG_ {name}{mux} : 8|32@1- (1E-07,0) [-180|180] "deg" ECU\n' for name, mux in zip(("Latitude", "Longitude"), switch, strict=True)]
+    (folder / "gps.dbc").write_text('VERSION ""\nNS_ :\nBS_:\nBU_: ECU\nBO_ 256 A: 8 ECU\n' + selector + places[0] + ("" if multiplexed else "\nBO_ 257 B: 8 ECU\n") + places[1])
+    database = cantools.database.can.Database()
+    database.add_dbc_file(folder / "gps.dbc")
+    rows = []
+    for k in range(N):
+        for j, (message, name, value) in enumerate((("A", "Latitude", D.lat_deg[k]), (b, "Longitude", D.lon_deg[k]))):
+            frame = database.get_message_by_name(message)
+            data = frame.encode({name: float(value), **({"Mux": j} if multiplexed else {})})
+            rows.append(f"({START_S + D.t_s[k] + 0.002 * j:.6f}) can0 {frame.frame_id:03X}#{data.hex().upper()}")
+    (folder / "candump-gps.log").write_text("\n".join(rows) + "\n")
+    return [folder / "candump-gps.log", folder / "gps.dbc"]
+
+
 def asc_text(folder: Path, base: str, relative: bool) -> list[Path]:
     rows = ["date Tue Nov 14 11:13:20.000 pm 2023", f"base {base}  timestamps {'relative' if relative else 'absolute'}", "internal events logged", "// version 9.0.0", "Begin Triggerblock Tue Nov 14 11:13:20.000 pm 2023", "   0.000000 Start of measurement"]
     last = 0.0
@@ -386,6 +405,8 @@ OTHER_CASES = TABLE_CASES | {
     "gnsslogger-raw": OtherCase(gnsslogger_raw, P | V | {"gyro": 0.02, "accel": 0.3}),
     "candump-extended": OtherCase(candump_extended, R | {"gyro": 0.01}),
     "asc-hex-relative": OtherCase(lambda f: asc_text(f, "hex", True), R | {"gyro": 0.01}, 0),
+    "candump-multiplexed-places": OtherCase(lambda f: candump_places_apart(f, True), P),
+    "candump-two-messages": OtherCase(lambda f: candump_places_apart(f, False), P),
     "asc-dec": OtherCase(lambda f: asc_text(f, "dec", False), R | {"gyro": 0.01}, 0),
     "fcd-clock": OtherCase(fcd_clock, {"fix": 1e9} | R | {"heading": 0.02}, 0),
     "fcd-geo": OtherCase(fcd_geo, P | R | {"heading": 0.01}, 0),

@@ -356,7 +356,38 @@ def micro_degrees(folder: Path) -> list[Path]:
 
 
 
+def qstarz(folder: Path) -> list[Path]:
+    head = "INDEX,UTC DATE,UTC TIME,LOCAL DATE,LOCAL TIME,MS,VALID,LATITUDE,N/S,LONGITUDE,E/W,SPEED,HEADING"
+    utc, local = [stamps("%Y/%m/%d"), stamps("%H:%M:%S")], [stamps("%Y/%m/%d", hours=11), stamps("%H:%M:%S", hours=11)]
+    ms = [str(round(t * 1000) % 1000) for t in D.t_s.tolist()]
+    cols = [[str(k) for k in range(N)], *utc, *local, ms, ["SPS"] * N, LAT, ["N"] * N, digits(-D.lon_deg, 8), ["W"] * N]
+    return table(folder, "qstarz.csv", head, [*cols, [f"{v * KMH:.3f} km/h" for v in D.speed_mps], COURSE])
+
+
+def micro_or_tenth_micro_degrees(folder: Path) -> list[Path]:
+    ms = [str(NS // 10**6 + round(t * 1000)) for t in D.t_s]
+    return table(folder, "e6.csv", "time;lat;lon", [ms, digits(D.lat_deg * 1e6, 0), digits(D.lon_deg * 1e6, 0)], ";")
+
+
+def _with_course(folder: Path, course: list[str], unit: float = 1.0) -> list[Path]:
+    time = [f"{START_S + t:.2f}" for t in D.t_s]
+    cols = [time, LAT, LON, digits(D.speed_mps * unit, 2), course]
+    return table(folder, "course.csv", "unix_time,lat,lon,speed,heading", cols)
+
+
+def magnetic_heading(folder: Path) -> list[Path]:
+    return _with_course(folder, digits(np.mod(D.course_deg + 12.6, 360.0), 1))
+
+
+def heading_without_a_value(folder: Path) -> list[Path]:
+    return _with_course(folder, ["0"] * N, 1000.0)
+
+
 TABLE_CASES = {
+    "qstarz": OtherCase(qstarz, P | V),
+    "micro-or-tenth": OtherCase(micro_or_tenth_micro_degrees, {}, asks="1e-6 degrees or 1e-7 degrees"),
+    "magnetic-heading": OtherCase(magnetic_heading, {}, asks="points 13 degrees right of the way"),
+    "heading-without-a-value": OtherCase(heading_without_a_value, P | R),
     "torque": OtherCase(torque, P | {"velocity": 0.3}),
     "racechrono": OtherCase(racechrono, P | V),
     "airdata": OtherCase(airdata, {"fix": 1.7, "speed": 0.3, "heading": 0.05}),
