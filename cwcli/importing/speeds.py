@@ -277,7 +277,8 @@ def _stands_for_no_angle(value: float, track: TrackSpans | None) -> bool:
         return False
     course_rad = track.course_rad[track.moving_span_mask]
     mean_rad = np.angle(np.exp(1j * course_rad).sum())
-    return bool(np.degrees(np.abs(np.angle(np.exp(1j * (course_rad - mean_rad))))).max() > POOR_FIT_DEG)
+    turned_deg = np.degrees(np.abs(np.angle(np.exp(1j * (course_rad - mean_rad)))))
+    return bool(turned_deg.max() > MIN_MEDIAN_ANGLE_OF_UNFIT_HEADING_DEG)
 
 
 def _add_question_if_heading_beside_way(
