@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 from dataclasses import field
 from functools import cached_property
@@ -219,7 +220,9 @@ class OtherInHostAxes:
     """
 
     def __init__(self, pair: Pair) -> None:
-        at, self._pair = pair.relative_motion, pair
+        at = pair.relative_motion
+        # The pair holds this object: a reference back would keep the arrays of both until the garbage collector runs.
+        self._pair: Pair = weakref.proxy(pair)
         cos_host, sin_host = at.host_direction
         cos_other, sin_other = at.other_direction
         self.cos_turn = cos_host * cos_other + sin_host * sin_other
