@@ -32,7 +32,7 @@ def serve_request() -> None:
     function = getattr(import_module(module), name)  # what it imports is not of the file's making
     answers = os.fdopen(os.dup(1), "w")  # the function may give standard output to another file
     _end_with_parent(envelope["folder"], envelope["parent"])
-    _leave_network()
+    _give_up_network_access()
     _limit_resources(envelope["limits"])
     if envelope["folder"] is not None:
         Path(envelope["folder"]).mkdir(mode=0o700)
@@ -61,7 +61,7 @@ def limit_process_and_execute_program() -> None:
     envelope = json.loads(sys.argv[1])
     _end_with_parent(None, envelope["parent"])
     if envelope["has_no_network"]:
-        _leave_network()
+        _give_up_network_access()
     _limit_resources(envelope["limits"])
     command = sys.argv[2:]
     try:
@@ -98,11 +98,11 @@ def _limit_resources(limits: dict[str, Any]) -> None:
                 resource.setrlimit(kind, (most, most + 1 if name == "RLIMIT_CPU" and most == value else most))
 
 
-def _leave_network() -> None:
+def _give_up_network_access() -> None:
     """Give up the network, where the system lets a process do so."""
     # a privileged user keeps his own name, by which the files were opened
     flags = CLONE_NEWNET | (0 if os.geteuid() == 0 else CLONE_NEWUSER)
-    _call_system("unshare", flags)
+    _call_c_library_function("unshare", flags)
 
 
 def _end_with_parent(folder: str | None, parent: int) -> None:
@@ -115,12 +115,12 @@ def _end_with_parent(folder: str | None, parent: int) -> None:
 
     signal.signal(signal.SIGTERM, remove_folder_and_exit)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's matter
-    _call_system("prctl", PR_SET_PDEATHSIG, signal.SIGTERM)
+    _call_c_library_function("prctl", PR_SET_PDEATHSIG, signal.SIGTERM)
     if os.getppid() != parent:  # it has ended already
         os._exit(EXIT_TERMINATED)
 
 
-def _call_system(name: str, *arguments: int) -> None:
+def _call_c_library_function(name: str, *arguments: int) -> None:
     """Call a function of the C library, where there is one; its failure changes nothing."""
     if not sys.platform.startswith("linux"):
         return

@@ -188,7 +188,7 @@ class _Deferred:
                 return
             owner = self.owner
             body = {key: value for key, value in self.body.items() if key not in ("__dict__", "__weakref__")}
-            body |= {"__qualname__": owner.__qualname__, "__annotations__": self._own_annotations()}
+            body |= {"__qualname__": owner.__qualname__, "__annotations__": self._annotations_without_bases()}
             twin: type = dataclasses.dataclass(**self._settings)(type(owner)(owner.__name__, owner.__bases__, body))
             found = vars(twin)
             self._is_compiled = True
@@ -209,7 +209,7 @@ class _Deferred:
             found: dict[str, Any] | _FieldDescriptions = vars(owner)["__dataclass_fields__"]
             if not isinstance(found, _FieldDescriptions):
                 return found
-            annotations = self._own_annotations()
+            annotations = self._annotations_without_bases()
             body = {name: self.body[name] for name in annotations if name in self.body}
             body |= {"__annotations__": annotations, "__module__": owner.__module__, "__doc__": "The fields alone."}
             alone: Any = dataclasses.dataclass(
@@ -222,27 +222,27 @@ class _Deferred:
             type.__setattr__(owner, "__dataclass_fields__", fields)
             return fields
 
-    def plain_fields(self) -> tuple[_PlainField, ...] | None:
+    def instance_fields_for_loop(self) -> tuple[_PlainField, ...] | None:
         """Those of the instance, bases first; None where a loop can't fill them."""
         if self._fields is None:
             fields: dict[str, _PlainField] = {}
             for base in reversed(self.owner.__mro__):
                 deferred = _DEFERRED.get(base)
-                own = () if deferred is None else deferred._own_fields()
+                own = () if deferred is None else deferred._fields_without_bases()
                 if own is None or (deferred is None and "__dataclass_fields__" in vars(base)):
                     return None
                 fields.update((field[0], field) for field in own)
             self._fields = tuple(fields.values())
         return self._fields
 
-    def _own_annotations(self) -> dict[str, Any]:
+    def _annotations_without_bases(self) -> dict[str, Any]:
         """Those of the class itself, without its bases'."""
         return dict(vars(self.owner).get("__annotations__", {}))
 
-    def _own_fields(self) -> list[_PlainField] | None:
+    def _fields_without_bases(self) -> list[_PlainField] | None:
         found: list[_PlainField] = []
         is_keyword = self._settings.get("kw_only", False)
-        for name, annotation in self._own_annotations().items():
+        for name, annotation in self._annotations_without_bases().items():
             if not isinstance(annotation, str) or "InitVar" in annotation or "KW_ONLY" in annotation:
                 return None
             if _CLASS_VARIABLE.match(annotation):
@@ -275,7 +275,7 @@ def _names_of_merely_stored_fields(kind: type) -> tuple[str, ...]:
     defined_names = {name for base in kind.__mro__ for name in _class_body_without_added_methods(base)}
     if deferred is None or {"__init__", "__new__", "__post_init__"} & defined_names:
         return ()
-    return tuple(name for name, *_ in deferred.plain_fields() or ())
+    return tuple(name for name, *_ in deferred.instance_fields_for_loop() or ())
 
 
 def _class_body_without_added_methods(kind: type) -> Mapping[str, Any]:
@@ -292,7 +292,7 @@ def _make_init(deferred: _Deferred) -> Any:
         values = (
             None
             if deferred.n_filled > MAX_INSTANCES_BEFORE_COMPILATION
-            else _field_values_or_none_if_misfit(deferred.plain_fields(), args, kwargs)
+            else _field_values_or_none_if_misfit(deferred.instance_fields_for_loop(), args, kwargs)
         )
         if values is None:
             deferred.compile_methods()

@@ -33,7 +33,7 @@ _CURRENT: ContextVar[_Part | None] = ContextVar("part", default=None)
 
 
 @contextmanager
-def follow_work(show: Callable[[float], None]) -> Iterator[None]:
+def report_work_share_to(show: Callable[[float], None]) -> Iterator[None]:
     """Tell `show` in the block the share that is done, from 0 to 1, which never falls."""
     most = 0.0
 

@@ -16,7 +16,7 @@ from cwcli.dynamics.samples import (
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, unusable_field_error
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
 
 N_LATERAL_STATES = len(STATE_NAMES)
@@ -134,11 +134,13 @@ def true_lateral_and_heading_deviations_at_preview(
     ahead_m = read_matrix(columns, "ahead_m")
     has_ahead = ahead_m.shape[1] > 1 and bool((ahead_m == ahead_m[:1]).all() and (np.diff(ahead_m[0]) > 0.0).all())
     for k, name in enumerate(LANE_AHEAD_FIELDS):
-        own = resample(stamp_ns[rows], read_numbers(columns, STATE_NAMES[-2:][k])[rows], at_ns, max_gap_s=max_gap_s)
+        own = interpolate_signal_at_times(
+            stamp_ns[rows], read_numbers(columns, STATE_NAMES[-2:][k])[rows], at_ns, max_gap_s=max_gap_s
+        )
         deviations[is_own, k] = own[is_own]
         if has_ahead:
             lane = read_matrix(columns, name, ahead_m.shape[1])[rows]
-            lane = resample(stamp_ns[rows], lane, at_ns, max_gap_s=max_gap_s)
+            lane = interpolate_signal_at_times(stamp_ns[rows], lane, at_ns, max_gap_s=max_gap_s)
             for row in np.flatnonzero(~is_own):
                 deviations[row, k] = np.interp(preview_m[row], ahead_m[0], lane[row], left=np.nan, right=np.nan)
     return deviations

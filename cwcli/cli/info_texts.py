@@ -28,7 +28,7 @@ def health_verdict(document: Document) -> str:
         if empty:
             faults.append(f"no messages on {join_first_names_and_count_rest(empty, MAX_NAMED_TOPICS)}")
         return f"{'; '.join(faults) or 'no fault in the index'}; --doctor reads the messages"
-    sick = {each["topic"]: text for each in document["health"] if (text := _troubles_text(each))}
+    sick = {each["topic"]: text for each in document["health"] if (text := _message_troubles_text(each))}
     n = len(document["health"])
     if not sick:
         return "; ".join([*faults, f"{format_count(n, 'topic')} without gaps, drift, disorder or damage"])
@@ -46,7 +46,7 @@ def _shorten_topic_name(name: str) -> str:
     return name if len(name) <= MAX_TOPIC_CHARACTERS else f"{name[:MAX_TOPIC_CHARACTERS]}... ({len(name):,} characters)"
 
 
-def _troubles_text(health: Document) -> str:
+def _message_troubles_text(health: Document) -> str:
     """Return what is wrong with the messages of one topic, "" for nothing."""
     if health["undecodable"] < 0:
         return "it can't be read"

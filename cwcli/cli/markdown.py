@@ -25,8 +25,8 @@ def format_code(text: str) -> str:
 def format_markdown_table(columns: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:
     """Format a table. Text cells must be safe Markdown already; columns of numbers are right-aligned."""
     is_number = [all(not isinstance(row[k], str) for row in rows) and bool(rows) for k in range(len(columns))]
-    lines = [_row_line(columns), _row_line(["---:" if right else "---" for right in is_number])]
-    lines += [_row_line([_cell_text(cell) for cell in row]) for row in rows]
+    lines = [_markdown_row_line(columns), _markdown_row_line(["---:" if right else "---" for right in is_number])]
+    lines += [_markdown_row_line([_cell_text(cell) for cell in row]) for row in rows]
     return "\n".join(lines)
 
 
@@ -36,7 +36,7 @@ def _cell_text(cell: Cell) -> str:
     return format_number(cell) if isinstance(cell, float) else str(cell)
 
 
-def _row_line(cells: Sequence[str]) -> str:
+def _markdown_row_line(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 

@@ -18,7 +18,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Call
 from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, RunRules, SkipRules
 from cwcli.stages import STAGES
-from cwcli.work_share import follow_work, part_of_work
+from cwcli.work_share import part_of_work, report_work_share_to
 
 if TYPE_CHECKING:
     from cwcli.digest.digest import Digest
@@ -99,7 +99,7 @@ def run_and_write(job: Job) -> JobOutcome:
     from cwcli.library.writing import write_outputs
 
     reading = job.reading
-    with Progress(quiet=job.talk.quiet) as progress, follow_work(progress.show_share):
+    with Progress(quiet=job.talk.quiet) as progress, report_work_share_to(progress.show_share):
         progress.begin_step(f"reading {', '.join(source_names(job.source))}")
         span = (reading.start, reading.end)
         source = _source_or_imported_log(job.source) if job.command == "run" else job.source

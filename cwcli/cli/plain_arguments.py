@@ -14,7 +14,7 @@ from typing import Any, get_args
 from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.options.configfile import find_config_file
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
-from cwcli.cli.options.lazy_typer import declaration_of
+from cwcli.cli.options.lazy_typer import find_declaration_in_type_hint
 from cwcli.cli.options.plain_coercion import LEFT_TO_TYPER, coerce_plain_value, is_infinite, is_within_bounds
 
 
@@ -54,7 +54,7 @@ def parse_plain_arguments(function: Callable[..., Any], arguments: Sequence[str]
     by_flag: dict[str, tuple[str, bool]] = {}
     positional: list[str] = []
     for name, parameter in parameters.items():
-        declaration = declaration_of(parameter.annotation)
+        declaration = find_declaration_in_type_hint(parameter.annotation)
         if declaration is None:
             return None
         if declaration.kind == "Argument":
@@ -114,7 +114,7 @@ def _split_options_and_words_or_none(
 
 def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
     """The value of a parameter; `LEFT_TO_TYPER` where Typer has to find it, or to say what is wrong."""
-    declaration = declaration_of(parameter.annotation)
+    declaration = find_declaration_in_type_hint(parameter.annotation)
     kind = get_args(parameter.annotation)[0]
     if given is parameter.empty or declaration is None:
         return LEFT_TO_TYPER

@@ -48,7 +48,7 @@ class Progress:
         self._fraction = self._left = None
 
     def show_share(self, share: float) -> None:
-        """Show the share of the work that is done, from 0 to 1 (`cwcli.work_share.follow_work`)."""
+        """Show the share of the work that is done, from 0 to 1 (`cwcli.work_share.report_work_share_to`)."""
         self._fraction = share
         self._left = (1.0 - share) / share if MIN_SHARE_TO_FORETELL <= share < 1.0 else None
 

@@ -97,7 +97,7 @@ class PublishedNumber:
     ttc: str = ""
 
     @property
-    def si_values(self) -> tuple[float, ...]:
+    def values_in_si_units(self) -> tuple[float, ...]:
         """The values in SI units."""
         return tuple(value * SI_PER_UNIT[self.unit] for value in self.values)
 
@@ -170,7 +170,7 @@ class Clause:
 
     def tolerance(self, name: str) -> float | None:
         """A tolerance in SI units; None where the clause has none."""
-        return self.tolerances[name].si_values[0] if name in self.tolerances else None
+        return self.tolerances[name].values_in_si_units[0] if name in self.tolerances else None
 
 
 def clause_names() -> tuple[str, ...]:
@@ -365,7 +365,7 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
     trials = []
     for row in rows:
         index = dict(zip(lists, row, strict=True))
-        values = {place: number.si_values[index.get(number.name, 0)] for place, number in used.items()}
+        values = {place: number.values_in_si_units[index.get(number.name, 0)] for place, number in used.items()}
         shown = {name: f"{numbers[name].values[k]:g} {numbers[name].unit}".rstrip() for name, k in index.items()}
         labels = [
             text for name, text in shown.items() if any(n.name == name for (g, _), n in used.items() if g == "given")

@@ -41,7 +41,7 @@ def format_digest(results: Sequence[ClauseResult]) -> list[str]:
 def _digest_of_clause(result: ClauseResult) -> list[str]:
     """The digest of one clause."""
     clause = result.clause
-    driven = sorted(result.driven_trials, key=lambda trial: _DIGEST_RANK_BY_OUTCOME[trial.outcome])
+    driven = sorted(result.trials_with_repetitions, key=lambda trial: _DIGEST_RANK_BY_OUTCOME[trial.outcome])
     rows = [(trial.trial.name, trial.outcome, trial.passed_text, trial.margin_text) for trial in driven]
     settings = ", ".join(value if name == "grade" else f"{name} {value}" for name, value in result.settings.items())
     lines = []

@@ -70,7 +70,7 @@ def _clause_section(result: ClauseResult) -> str:
         f"<p>{result.passed_text} trials pass. Source: {escape(clause.source)}. "
         f"{escape(settings)}; repetitions of each trial: {result.n_repetitions}.</p>",
         f"<p>How the numbers are read: {escape(clause.reading)}</p>" if clause.reading else "",
-        _margin_picture(result.driven_trials),
+        _margin_picture(result.trials_with_repetitions),
     ]
     for table in detail_tables(result):
         text = _format_table(table)
@@ -137,7 +137,7 @@ def _margin_picture(trials: Sequence[TrialResult]) -> str:
         text = f'y="{y + 4:.1f}" font-size="12"'
         lines.append(f'<text x="0" {text}>{escape(_shorten_keeping_end(trial.trial.name))}</text>')
         lines += [_outcome_mark_svg(margin_to_x_px(margin), y, outcome) for margin, outcome in found[trial.trial.name]]
-        words = trial.margin_text or trial.worst_text
+        words = trial.margin_text or trial.worst_repetition_text
         colour = COLOUR_BY_OUTCOME[trial.outcome]
         lines.append(
             f'<text x="{NAME_PX + PLOT_PX + 10}" {text} fill="{colour}">'

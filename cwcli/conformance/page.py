@@ -28,7 +28,7 @@ def trials_table(result: ClauseResult) -> SummaryTable:
                 trial.passed_text,
                 trial.n_required,
                 trial.trial.demands_text or "no warning",
-                trial.worst_text,
+                trial.worst_repetition_text,
                 trial.margin_text,
             )
             if trial.outcome != NOT_JUDGED
@@ -50,7 +50,7 @@ def repetitions_table(result: ClauseResult) -> SummaryTable:
     return SummaryTable("repetitions", f"{result.clause.name}: repetitions", REPETITION_COLUMNS, tuple(rows))
 
 
-def numbers_table(clause: Clause) -> SummaryTable:
+def published_numbers_table(clause: Clause) -> SummaryTable:
     """One row a number, with its source."""
     named = [*clause.numbers.items(), *((f"tolerance of {name}", each) for name, each in clause.tolerances.items())]
     rows: tuple[tuple[Cell, ...], ...] = tuple(
@@ -69,7 +69,7 @@ def numbers_table(clause: Clause) -> SummaryTable:
 
 def detail_tables(result: ClauseResult) -> list[SummaryTable]:
     """What `--details` shows."""
-    tables = [trials_table(result), repetitions_table(result), numbers_table(result.clause)]
+    tables = [trials_table(result), repetitions_table(result), published_numbers_table(result.clause)]
     if result.clause.left_out:
         rows = tuple(result.clause.left_out.items())
         tables.append(SummaryTable("left_out", f"{result.clause.name}: not judged here", ("trials", "why"), rows))
@@ -124,7 +124,7 @@ def format_junit(results: Sequence[ClauseResult]) -> bytes:
         suite = ET.SubElement(root, "testsuite", {"name": result.clause.name, **counts})
         for trial in result.trials:
             case = ET.SubElement(suite, "testcase", classname=result.clause.name, name=trial.trial.name, time="0")
-            text = f"{trial.passed_text} passed, at least {trial.n_required} must pass; {trial.worst_text}"
+            text = f"{trial.passed_text} passed, at least {trial.n_required} must pass; {trial.worst_repetition_text}"
             if trial.outcome == FAILED:
                 ET.SubElement(case, "failure", message=text, type="clause").text = text
             elif trial.outcome in (NOT_VALID, NOT_JUDGED):

@@ -49,7 +49,7 @@ class TrialResult:
     n_required: int
 
     @property
-    def n_passed(self) -> int:
+    def n_passed_repetitions(self) -> int:
         """Number of repetitions that passed."""
         return sum(each.outcome == PASSED for each in self.repetitions)
 
@@ -61,7 +61,7 @@ class TrialResult:
         valid = [each for each in self.repetitions if each.outcome != NOT_VALID]
         if not valid:
             return NOT_VALID
-        return PASSED if self.n_passed >= self.n_required else FAILED
+        return PASSED if self.n_passed_repetitions >= self.n_required else FAILED
 
     @property
     def worst(self) -> Repetition | None:
@@ -80,10 +80,10 @@ class TrialResult:
     @property
     def passed_text(self) -> str:
         """How many repetitions passed: `3 of 5`."""
-        return f"{self.n_passed} of {len(self.repetitions)}"
+        return f"{self.n_passed_repetitions} of {len(self.repetitions)}"
 
     @property
-    def worst_text(self) -> str:
+    def worst_repetition_text(self) -> str:
         """What happened in the worst repetition; "" without a valid one."""
         worst = self.worst
         return "" if worst is None or worst.verdict is None else worst.verdict.text
@@ -121,7 +121,7 @@ class ClauseResult:
         return NOT_JUDGED
 
     @property
-    def driven_trials(self) -> tuple[TrialResult, ...]:
+    def trials_with_repetitions(self) -> tuple[TrialResult, ...]:
         """The trials of which something was driven."""
         return tuple(trial for trial in self.trials if trial.outcome != NOT_JUDGED)
 
@@ -130,13 +130,15 @@ class ClauseResult:
         """The trial that fails worst, or is nearest to failing."""
         known = [trial for trial in self.trials if trial.worst is not None]
         return min(
-            known, key=lambda trial: (trial.outcome != FAILED, _worst_first_sort_key(_worst_of(trial))), default=None
+            known,
+            key=lambda trial: (trial.outcome != FAILED, _worst_first_sort_key(_worst_repetition_of_trial(trial))),
+            default=None,
         )
 
     @property
     def passed_text(self) -> str:
         """How many trials passed: `3 of 5`."""
-        driven = self.driven_trials
+        driven = self.trials_with_repetitions
         return f"{sum(trial.outcome == PASSED for trial in driven)} of {len(driven)}"
 
     @property
@@ -163,7 +165,7 @@ class ClauseResult:
         }
 
 
-def _worst_of(trial: TrialResult) -> Repetition:
+def _worst_repetition_of_trial(trial: TrialResult) -> Repetition:
     """The worst repetition of a trial that has one."""
     assert trial.worst is not None
     return trial.worst
@@ -187,7 +189,7 @@ def _trial_document(trial: TrialResult) -> dict[str, Any]:
     return {
         "name": trial.trial.name,
         "outcome": trial.outcome,
-        "passed": trial.n_passed,
+        "passed": trial.n_passed_repetitions,
         "required": trial.n_required,
         "repetitions": [
             {

@@ -116,7 +116,7 @@ def run_clauses_with_rules(
         for rule in rules
     }
     missing = {task: _missing_runs(known, task, seeds[task[0]], rules) for task in tasks}
-    for n_done, ((name, k), found_by_rule) in enumerate(_run_missing(missing, config), start=1):
+    for n_done, ((name, k), found_by_rule) in enumerate(_run_missing_seeds_of_trials(missing, config), start=1):
         for rule, found in found_by_rule.items():
             with_rule = replace(config, rule=rule)
             if cache is not None and _is_cacheable(with_rule):
@@ -157,7 +157,7 @@ def _missing_runs(
     return [seed for seed in seeds if seed in missing], [rule for rule in rules if lacking[rule]]
 
 
-def _run_missing(
+def _run_missing_seeds_of_trials(
     missing: Mapping[tuple[str, int], MissingRuns], config: ConformConfig
 ) -> Iterator[tuple[tuple[str, int], dict[str, list[Repetition]]]]:
     """Run the missing seeds of every trial; yields each trial with its new repetitions by rule."""

@@ -141,7 +141,7 @@ def _recorded_pose_function(
     """A function from the step to the recorded other in each case: poses, whether it counts, and its size."""
     time, state = other
 
-    def poses_at(step: int) -> tuple[CasePoses, BoolArray, LengthAndWidthM]:
+    def poses_at_time_step(step: int) -> tuple[CasePoses, BoolArray, LengthAndWidthM]:
         time_ns = starts + step * SIMULATION_STEP_S
         x, y, speed, heading = (np.interp(time_ns, time, state[:, column]) for column in range(4))
         beyond = np.maximum(time_ns - time[-1], 0.0) * speed
@@ -150,7 +150,7 @@ def _recorded_pose_function(
         )
         return pose, np.ones(len(time_ns), dtype=bool), size
 
-    return poses_at
+    return poses_at_time_step
 
 
 @dataclass(frozen=True)

@@ -210,7 +210,7 @@ def careful_driver_sentence(drive: Drive, encounter: Encounter) -> str:
     return f"A careful driver {braked}, and would have crashed at {outcome.impact_mps:.1f} m/s relative to the other."
 
 
-def verdict_badge(encounter: Encounter) -> Badge:
+def badge_of_warning_verdict(encounter: Encounter) -> Badge:
     """Return the badge of the verdict on one warning."""
     if encounter.is_lane_departure:
         return Badge("lane departure", "alert")
@@ -281,7 +281,7 @@ def _verdict_counts_text(drive_encounters: DriveEncounters) -> str:
 def _warning_and_missed_conflict_badges(drive_encounters: DriveEncounters) -> list[Badge]:
     """Return the badges of the warnings and of the missed conflicts."""
     if len(drive_encounters.encounters) == 1:
-        badges = [Badge(f"1 warning: {verdict_badge(drive_encounters.encounters[0]).text}", "alert")]
+        badges = [Badge(f"1 warning: {badge_of_warning_verdict(drive_encounters.encounters[0]).text}", "alert")]
         kind = _count_verdict_kinds(drive_encounters)
         if kind[VERDICT_LATE] or kind[VERDICT_FALSE]:
             badges = [Badge(badges[0].text, "bad")]

@@ -36,7 +36,7 @@ from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import Begin
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, median_of_values
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
 
 OBSERVER_SPEED_STEP_KMH = 10.0
@@ -174,7 +174,9 @@ def _measured_or_vision_steering_rad(
 ) -> FloatArray:
     """The steering angle delta_D at each frame, shape (n,), rad: measured, or from vision by eq. 10 and 13."""
     if steer is not None:
-        return resample(steer.stamp_ns, steer.values, lanes.stamp_ns, max_gap_s=config.max_speed_gap_s)
+        return interpolate_signal_at_times(
+            steer.stamp_ns, steer.values, lanes.stamp_ns, max_gap_s=config.max_speed_gap_s
+        )
     kinematic = steering_angle_from_vision_rad(
         vehicle,
         np.asarray(lanes.stamp_ns, dtype=np.int64),

@@ -20,7 +20,7 @@ from cwcli.dynamics.near_lane import (
     TUNING_DRIVE_SPEED_MPS,
     convert_sine_states_to_angles,
     lane_at_nearer_preview,
-    slowness_ratio,
+    reference_to_actual_speed_ratio,
 )
 from cwcli.dynamics.samples import (
     FrameStatus,
@@ -137,7 +137,7 @@ def observe_with_kalman_filter(
     lanes, preview_m, change_1pm2 = lane_at_nearer_preview(
         lanes, frame_speed, config.preview_m, vehicle.camera_forward_m
     )
-    quick = slowness_ratio(frame_speed)
+    quick = reference_to_actual_speed_ratio(frame_speed)
     parts = [(stamp_ns, EventKind.LANE, *_lane_values_and_sigmas(lanes, preview_m, quick, config))]
     vision = yaw_rate_from_vision_radps(lanes, frame_speed)
     for name, samples, kind, default in (

@@ -40,7 +40,7 @@ MIN_PREVIEW_DISTANCE_M = 2.0
 fitted."""
 
 
-def slowness_ratio(speed_mps: FloatArray) -> FloatArray:
+def reference_to_actual_speed_ratio(speed_mps: FloatArray) -> FloatArray:
     """Ratio of the reference speed (25 m/s) to the car's, shape (n,), at least 1; 1 where the speed is not known."""
     return np.fmax(1.0, TUNING_DRIVE_SPEED_MPS / np.maximum(np.abs(speed_mps), MIN_SPEED_OF_PREVIEW_SCALING_MPS))
 
@@ -77,7 +77,7 @@ def lane_at_nearer_preview(
         centre_arcs_of_lanes(lanes.lines), MAX_LANE_DIRECTION_SINE_AT_PREVIEW, change_1pm2
     )
     nearest_m = MIN_PREVIEW_DISTANCE_M + max(-camera_forward_m, 0.0)
-    nearer_m = np.fmax(np.fmin(preview_m * slowness_ratio(speed_mps) ** -1.5, turned_m), nearest_m)
+    nearer_m = np.fmax(np.fmin(preview_m * reference_to_actual_speed_ratio(speed_mps) ** -1.5, turned_m), nearest_m)
     at_m = np.minimum(nearer_m, preview_m)
     y_m, direction_rad, curvature_1pm = y_direction_curvature_of_lane_centres_at_distance(
         lanes.lines, at_m, change_1pm2

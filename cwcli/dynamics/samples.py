@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 
 STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "heading_deviation_rad")
 """Names of the columns of `LateralTrack.state`: v_y, gamma, y_L and e_L, with their units."""
@@ -80,15 +80,17 @@ def linearise_lanes(lanes: LaneSamples) -> LaneSamples:
     """
     slope = np.tan(np.clip(lanes.heading_deviation_rad, -MAX_HEADING_DEVIATION_RAD, MAX_HEADING_DEVIATION_RAD))
 
-    def widen_sigma(sigma: FloatArray | None, error: FloatArray) -> FloatArray | None:
+    def widen_sigma_by_linearisation_error(sigma: FloatArray | None, error: FloatArray) -> FloatArray | None:
         return None if sigma is None else np.hypot(sigma, np.nan_to_num(error))
 
     return replace(
         lanes,
         heading_deviation_rad=slope,
         curvature_1pm=lanes.curvature_1pm * (1.0 + slope**2) ** 1.5,
-        lateral_sigma_m=widen_sigma(lanes.lateral_sigma_m, 0.5 * lanes.lateral_deviation_m * slope**2),
-        heading_sigma_rad=widen_sigma(lanes.heading_sigma_rad, slope**3),
+        lateral_sigma_m=widen_sigma_by_linearisation_error(
+            lanes.lateral_sigma_m, 0.5 * lanes.lateral_deviation_m * slope**2
+        ),
+        heading_sigma_rad=widen_sigma_by_linearisation_error(lanes.heading_sigma_rad, slope**3),
     )
 
 
@@ -169,6 +171,6 @@ def speed_at_times_mps(speed: ScalarSamples, at_ns: Int64Array, max_gap_s: float
         raise MissingSignalError(
             "no speed: the observer's model needs it", hint="bind a speed channel with `--topic ego_speed=/name`"
         )
-    between = resample(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s)
-    resampled = resample(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s, method="nearest")
+    between = interpolate_signal_at_times(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s)
+    resampled = interpolate_signal_at_times(speed.stamp_ns, speed.values, at_ns, max_gap_s=max_gap_s, method="nearest")
     return np.where(np.isfinite(between), between, resampled)

@@ -7,7 +7,7 @@ import numpy as np
 from cwcli.dynamics.samples import LaneSamples, ScalarSamples
 from cwcli.dynamics.steering import rate_per_s_by_median_slope
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 
 MAX_CORRELATION_OF_REVERSED_SENSOR = -0.5
 """Correlation with the turning of the lane below which a sensor's sign is taken as reversed. Chosen by hand; not
@@ -34,7 +34,7 @@ def yaw_rate_from_vision_radps(lanes: LaneSamples, speed_mps: FloatArray) -> Flo
 
 def is_sign_opposite(samples: ScalarSamples, stamp_ns: Int64Array, vision: FloatArray) -> bool:
     """Whether a sensor's sign is opposite to that of the turns in the camera image; False without clear turns."""
-    sensor = resample(samples.stamp_ns, samples.values, stamp_ns, max_gap_s=0.5)
+    sensor = interpolate_signal_at_times(samples.stamp_ns, samples.values, stamp_ns, max_gap_s=0.5)
     both = np.isfinite(sensor) & np.isfinite(vision)
     if (
         np.count_nonzero(both) < MIN_FRAMES_TO_COMPARE_SIGNS

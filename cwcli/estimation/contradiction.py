@@ -74,7 +74,7 @@ class Contradiction:
         return f"{self.who} contradicts {self.against}: {self.what}"
 
     @property
-    def consequence_text(self) -> str:
+    def votes_and_left_out_sources_text(self) -> str:
         """Text on the votes and on the sources that are left out."""
         if self.allies:
             why = f"{', '.join(str(each) for each in self.allies)} {'agree' if len(self.allies) > 1 else 'agrees'} with"

@@ -111,7 +111,7 @@ class LevelledImu:
     mounting: ImuMounting | None
 
 
-def level_imu(
+def level_imu_by_gravity(
     time_s: FloatArray, values: AccelGyroRows, variance: FloatArray | None, mounting: ImuMounting | None = None
 ) -> LevelledImu:
     """Level an IMU by the mean direction of gravity and leave out interpolated samples.

@@ -72,7 +72,9 @@ def fixes_jumped_away_mask(time_s: FloatArray, values: EastNorthRows, scatter_m:
     """
     is_away = np.zeros(len(time_s), np.bool_)
     bound = _continuation_of_fixes(time_s, values, scatter_m) if len(time_s) else _Continuation(0.0, 0.0)
-    found = _stretches_away(time_s, values, _first_rows_after_jumps(time_s, values, bound), bound)
+    found = _stretches_between_jumps_away_and_back(
+        time_s, values, _first_rows_after_jumps(time_s, values, bound), bound
+    )
     # The gate rejects what is shorter by itself, unless there is so much of it that the noise grows.
     far = [
         (begin, end)
@@ -95,11 +97,11 @@ def do_fixes_jump_for_good(time_s: FloatArray, values: EastNorthRows, scatter_m:
         return False
     bound = _continuation_of_fixes(time_s, values, scatter_m)
     first_rows = _first_rows_after_jumps(time_s, values, bound)
-    explained = _stretches_away(time_s, values, first_rows, bound)
+    explained = _stretches_between_jumps_away_and_back(time_s, values, first_rows, bound)
     return any(not any(begin <= row <= end for begin, end in explained) for row in first_rows.tolist())
 
 
-def _stretches_away(
+def _stretches_between_jumps_away_and_back(
     time_s: FloatArray, values: EastNorthRows, first_rows: npt.NDArray[np.intp], bound: _Continuation
 ) -> list[tuple[int, int]]:
     """Return begin and end of the stretches of rows between a jump away and one back, of any length."""
@@ -113,7 +115,7 @@ def _stretches_away(
     for order in (range(anchor + 1, len(begins)), range(anchor - 1, -1, -1)):
         last_kept_stretch, skipped = anchor, list[int]()
         for stretch in order:
-            if skipped and not _leads_back(
+            if skipped and not _does_last_stretch_continue_first(
                 time_s, values, begins, lasts, [last_kept_stretch, *skipped, stretch], bound
             ):
                 skipped.append(stretch)
@@ -161,7 +163,7 @@ def _is_half_of_outlier(
     return False
 
 
-def _leads_back(
+def _does_last_stretch_continue_first(
     time_s: FloatArray,
     values: EastNorthRows,
     begins: npt.NDArray[np.intp],

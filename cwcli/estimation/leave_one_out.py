@@ -176,11 +176,13 @@ def find_spoiling_sources(
         found_without[group] = found
         gains[group] = _log_likelihood_of_others(found, group) - _log_likelihood_of_others(reports, group)
     best = max(gains, key=gains.__getitem__, default=())
-    best = max(gains, key=lambda group: _advantage_over(group, best, found_without), default=())
+    best = max(
+        gains, key=lambda group: _culprit_log_likelihood_advantage_over_group(group, best, found_without), default=()
+    )
     return best if best and gains[best] > MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT else ()
 
 
-def _advantage_over(
+def _culprit_log_likelihood_advantage_over_group(
     group: tuple[SourceQuantity, ...],
     other: tuple[SourceQuantity, ...],
     found_without: Mapping[tuple[SourceQuantity, ...], Sequence[SourceReport]],

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cwcli.estimation.coarse_fixes import find_coarse_east_north_steps_m, note_on_coarse_fixes
 from cwcli.estimation.coarse_headings import find_coarse_headings
-from cwcli.estimation.imu import ImuMounting, LevelledImu, level_imu
+from cwcli.estimation.imu import ImuMounting, LevelledImu, level_imu_by_gravity
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
@@ -112,7 +112,7 @@ def clean_and_sort_measurements_and_note(
             covariance = None if covariance is None else covariance[1:]
         if m.kind is Kind.IMU:
             variance = None if covariance is None else np.diagonal(covariance, axis1=1, axis2=2)
-            imu = level_imu(time, values, variance, mountings.get(m.source))
+            imu = level_imu_by_gravity(time, values, variance, mountings.get(m.source))
             if imu.n_interpolated:
                 notes.append(f"{m.source}: {imu.n_interpolated} interpolated IMU samples left out")
             for series, note in _accel_and_yaw_rate_series_with_notes(m.source, imu):

@@ -94,7 +94,7 @@ class SensorModel:
         """What equal models have in common; unlike the models themselves it can be looked up."""
         return tuple(sorted(self.slow.items())), self.pitch_compensated, self.scaled, self.levered, self.ahead
 
-    def without_error(self, error: SeriesIndexAndErrorName) -> SensorModel:
+    def without_error_of_sensor(self, error: SeriesIndexAndErrorName) -> SensorModel:
         """Return the model without one of its errors."""
         i, name = error
         if name == "slow":

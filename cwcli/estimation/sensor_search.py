@@ -371,9 +371,9 @@ def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -
     status = {part: _observability_of_error(trial, part) for part in trial.model.modelled_errors}
     for part, verdict in status.items():
         if verdict is ParameterStatus.NOT_OBSERVABLE:
-            trial = trials.run_model_trial(trial.model.without_error(part), trial)
+            trial = trials.run_model_trial(trial.model.without_error_of_sensor(part), trial)
     while parts := trial.model.modelled_errors:
-        others = [trials.run_model_trial(trial.model.without_error(part), trial) for part in parts]
+        others = [trials.run_model_trial(trial.model.without_error_of_sensor(part), trial) for part in parts]
         loss = [
             trial.score - other.score - MIN_LIKELIHOOD_GAIN_PER_PARAMETER * N_FITTED_PARAMETERS_BY_ERROR[part[1]]
             for part, other in zip(parts, others, strict=True)
@@ -408,7 +408,7 @@ def _drop_errors_beyond_limits_and_list_them(
         beyond.update(found)
         model = trial.model
         for part in found:
-            model = model.without_error(part)
+            model = model.without_error_of_sensor(part)
         trial = trials.run_model_trial(model, trial)
     return trial, beyond
 

@@ -181,7 +181,9 @@ def append_jerk_and_yaw_acceleration(
     n, before = len(state), DERIVATIVE_SLOPE_WINDOW_SAMPLES - 1
     is_known = np.zeros(n, np.bool_)
     is_known[before:] = steps[before:] - steps[: max(n - before, 0)] == before
-    more_state = np.column_stack([trailing_slope(state[:, k], step_s=step_s) for k in (ACCEL, YAW_RATE)])
+    more_state = np.column_stack(
+        [least_squares_slope_of_last_samples(state[:, k], step_s=step_s) for k in (ACCEL, YAW_RATE)]
+    )
     weights = least_squares_slope_weights(DERIVATIVE_SLOPE_WINDOW_SAMPLES, step_s)
     more = np.where(
         is_known[:, None, None],
@@ -199,7 +201,7 @@ def least_squares_slope_weights(samples: int, step_s: float) -> FloatArray:
     return np.asarray(offsets / (offsets @ offsets) / step_s)
 
 
-def trailing_slope(
+def least_squares_slope_of_last_samples(
     values: FloatArray, samples: int = DERIVATIVE_SLOPE_WINDOW_SAMPLES, *, step_s: float = SAMPLING_TIME_S
 ) -> FloatArray:
     """Return the least-squares slope per second over the last `samples` values, (n,); 0 until there are so many."""

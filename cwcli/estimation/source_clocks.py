@@ -114,7 +114,9 @@ def align_source_clocks_and_note(
         ]
         if found:
             shifts_s[source] = found
-    stepped = [_shift_stamps(m, shifts_s[m.source]) if m.source in shifts_s else m for m in measurements]
+    stepped = [
+        _shift_stamps_of_measurements(m, shifts_s[m.source]) if m.source in shifts_s else m for m in measurements
+    ]
     delays_s = {
         source: _median_delay_after_shifts_s(clock, shifts_s.get(source, [])) for source, clock in clocks.items()
     }
@@ -124,7 +126,8 @@ def align_source_clocks_and_note(
     if not corrects:
         return list(original_measurements), [f"{note}; not corrected, because the stamps are trusted" for note in notes]
     return [
-        _shift_stamps(m, [(EARLIEST_LOG_TIME_NS, offsets_s[m.source])]) if m.source in offsets_s else m for m in stepped
+        _shift_stamps_of_measurements(m, [(EARLIEST_LOG_TIME_NS, offsets_s[m.source])]) if m.source in offsets_s else m
+        for m in stepped
     ], notes
 
 
@@ -369,7 +372,10 @@ def is_motion_likelier_when_shifted(
     measurements: Sequence[Measurements], sources: Sequence[str], shift_s: float
 ) -> bool:
     """Return whether the filter predicts all sources clearly better when the stamps of some move by `shift_s`."""
-    shifted = [_shift_stamps(m, [(EARLIEST_LOG_TIME_NS, shift_s)]) if m.source in sources else m for m in measurements]
+    shifted = [
+        _shift_stamps_of_measurements(m, [(EARLIEST_LOG_TIME_NS, shift_s)]) if m.source in sources else m
+        for m in measurements
+    ]
     found = [_motion_log_likelihood(each) for each in (measurements, shifted)]
     return found[1] - found[0] > MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT
 
@@ -394,7 +400,7 @@ def _delay_of_most_sources_s(delays_s: dict[str, float]) -> float:
     return median_of_finite_values(max(groups, key=lambda group: (len(group), -abs(median_of_finite_values(group)))))
 
 
-def _shift_stamps(m: Measurements, shifts: Sequence[tuple[int, float]]) -> Measurements:
+def _shift_stamps_of_measurements(m: Measurements, shifts: Sequence[tuple[int, float]]) -> Measurements:
     """Return the measurements with moved stamps, in the order of their stamps."""
     stamp_ns = m.stamp_ns.copy()
     for log_ns, shift_s in shifts:

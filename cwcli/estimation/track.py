@@ -251,7 +251,10 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     notes = (
         *clock_notes,
         *(each.sentence_on_fault_and_undoing for each in corrections),
-        *(f"{each.contradiction_sentence}; {each.consequence_text}" for each in judged_sources.contradictions),
+        *(
+            f"{each.contradiction_sentence}; {each.votes_and_left_out_sources_text}"
+            for each in judged_sources.contradictions
+        ),
         *judged_sources.notes,
     )
     tuned = tune_latencies_and_noise(judged_sources.prepared, config, MotionParameters())
@@ -298,7 +301,7 @@ def _settled_measurements_and_track(
         series = tuple(raise_noise_of_fixes_to_reported(better.tuned.series, track.sources))
         delays = better.tuned.delay_sigmas.larger_of_each(settled.tuned.delay_sigmas)
         better = replace(better, tuned=replace(better.tuned, series=series, delay_sigmas=delays))
-    notes = (*better.notes, f"{found.contradiction_sentence}; {found.consequence_text}")
+    notes = (*better.notes, f"{found.contradiction_sentence}; {found.votes_and_left_out_sources_text}")
     better = replace(better, contradictions=(*better.contradictions, found), notes=notes)
     return better, _filter_and_smooth(better, config, output_stamp_ns)
 

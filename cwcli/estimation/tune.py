@@ -97,7 +97,7 @@ def tune_latencies_and_noise(
     series, walk, prior = add_bias_states_and_their_variances(prepared, parameters)
     search = _ParameterSearch(StateLayout(series, parameters, walk, prior), config)
     (compared, latencies, moved_clock, clock_sigma_s), sensors = search.find_latencies_and_sensor_errors()
-    layout = search.layout_with(latencies, sensors.model)
+    layout = search.layout_with_latencies_and_errors(latencies, sensors.model)
     mean, prior = np.zeros_like(layout.prior), layout.prior
     if config.calibration is not None:
         mean, prior = prior_means_and_variances_from_calibration(layout.series, prior, config.calibration)
@@ -212,18 +212,20 @@ class _ParameterSearch:
             if unclear:  # a latency or a place: of the two the latency is the likelier
                 found = found.mark_forward_arms_unobservable(unclear)
                 latencies = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
-            corrected = self.layout_with(latencies.applied, SensorModel())
+            corrected = self.layout_with_latencies_and_errors(latencies.applied, SensorModel())
             if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
                 remaining_s = [each.remaining_sigma_s for each in latencies.applied]
                 found = find_sensor_errors(self._estimate_noise_roughly(corrected), found, remaining_s)
         if not found.model.modelled_errors:
             return latencies, found
-        plain, modelled = (self.layout_with(latencies.applied, model) for model in (SensorModel(), found.model))
+        plain, modelled = (
+            self.layout_with_latencies_and_errors(latencies.applied, model) for model in (SensorModel(), found.model)
+        )
         return latencies, keep_model_if_better(
             found, self._estimate_noise_roughly(plain), self._estimate_noise_roughly(modelled)
         )
 
-    def layout_with(self, latencies: Sequence[Latency], model: SensorModel) -> StateLayout:
+    def layout_with_latencies_and_errors(self, latencies: Sequence[Latency], model: SensorModel) -> StateLayout:
         """Return the layout with these latencies corrected and these errors as states; the same one if asked again."""
         for known_latencies, known_model, layout in self._layouts:
             if (known_latencies, known_model) == (latencies, model):

@@ -72,7 +72,7 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
     bridged_share = track.n_flagged.get("bridged", 0) / track.n_states
     bridged = [f"{100 * bridged_share:.0f} % of the states bridge gaps: leave out those flagged bridged"]
     faults = [
-        *(f"{each.contradiction_sentence} ({each.consequence_text})" for each in track.contradictions),
+        *(f"{each.contradiction_sentence} ({each.votes_and_left_out_sources_text})" for each in track.contradictions),
         *surer,
         *_contradiction_texts(sources),
         *(bridged if bridged_share > MAX_BRIDGED_STATE_SHARE else ()),

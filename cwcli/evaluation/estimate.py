@@ -46,7 +46,7 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.columns import FloatArray, Int64Array, StateRows, median_of_values
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
@@ -107,7 +107,9 @@ def add_metrics(context: EvaluationContext) -> None:
         found = _add_errors_against_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
     if fixes is not None:
         stamp_ns, fix_xy = fixes
-        at_fix = resample(states.stamp_ns, states.state[:, :2], stamp_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S)
+        at_fix = interpolate_signal_at_times(
+            states.stamp_ns, states.state[:, :2], stamp_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S
+        )
         headline.add_errors("ego.fix_residual_rmse_m", np.hypot(*(fix_xy - at_fix).T))
     headline.add_count("ego.distance_km", driven_distance_m(states) / 1000.0)
     variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
@@ -201,7 +203,9 @@ def _truth_in_map_with_signal_and_row_mask(
         return None
     measured_xy = np.full((len(stamp_ns), 2), np.nan)
     if stamps_and_positions_of_fixes is not None:
-        measured_xy = resample(*stamps_and_positions_of_fixes, stamp_ns, max_gap_s=MAX_INTERPOLATED_FIX_GAP_S)
+        measured_xy = interpolate_signal_at_times(
+            *stamps_and_positions_of_fixes, stamp_ns, max_gap_s=MAX_INTERPOLATED_FIX_GAP_S
+        )
     origin = parse_json_entry_or_empty(record, "configuration", dict).get("truth_origin")
     given_origin = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
     true_xy, _ = place_truth_in_map_with_notes(signal, inside, local_map, given_origin, measured_xy)
@@ -224,7 +228,9 @@ def _add_errors_against_truth(
     if found is None:
         return None
     truth, signal, inside = found
-    state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S)
+    state = interpolate_signal_at_times(
+        states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S
+    )
     error = state[:, :2] - truth.xy
     known = np.isfinite(error).all(axis=1)
     distance = np.hypot(*error.T)

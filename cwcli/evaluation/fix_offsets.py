@@ -16,7 +16,7 @@ from cwcli.evaluation.doubts.fixes import (
     MIN_LASTING_OFFSET_S,
 )
 from cwcli.signals.columns import FloatArray, median_of_values
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 
 MAX_INTERPOLATED_STATE_GAP_S = 0.5
@@ -50,7 +50,7 @@ def _largest_lasting_offset_as_document(
     order = np.argsort(stamp_ns, kind="stable")
     stamp_ns = stamp_ns[order]
     variance = 0.5 * (ego.covariance[:, 0, 0] + ego.covariance[:, 1, 1])
-    track_at_fixes = resample(
+    track_at_fixes = interpolate_signal_at_times(
         ego.stamp_ns, np.column_stack([ego.state[:, :2], variance]), stamp_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S
     )
     offset = fixes.values[order] - track_at_fixes[:, :2]

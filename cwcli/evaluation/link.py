@@ -20,7 +20,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.radio_link import ReceptionByDistance, StationLink, information_age_quantile_s, measure_station_links
 from cwcli.signals.remotes import join_remote_signals, perceived_rows_mask, select_remote_rows
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 
 REPORTED_AGE_QUANTILE = 0.95
 """Quantile of the age of the newest message that is reported."""
@@ -186,7 +186,9 @@ def _sender_distance_to_ego_m(signal: RemoteSignal, ego: Track, local_map: Local
         return np.full(len(signal.stamp_ns), np.nan)
     altitude_m = np.nan_to_num(signal.altitude_m, nan=0.0)
     x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, altitude_m)
-    ego_xy = resample(ego.stamp_ns, ego.state[:, :2], signal.log_time_ns, max_gap_s=MAX_INTERPOLATED_EGO_GAP_S)
+    ego_xy = interpolate_signal_at_times(
+        ego.stamp_ns, ego.state[:, :2], signal.log_time_ns, max_gap_s=MAX_INTERPOLATED_EGO_GAP_S
+    )
     distance_m: FloatArray = np.hypot(x_m - ego_xy[:, 0], y_m - ego_xy[:, 1])
     return distance_m
 

@@ -20,7 +20,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import StageResult, SummaryTable
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.role import Role
 from cwcli.stages.observe import ObserveConfig, ObserverEvidence
 
@@ -79,7 +79,7 @@ def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
     """
     true_ns, true_state = read_lateral_truth_stamps_and_states(truth)
     settled = _settled_frame_mask(track)
-    true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_INTERPOLATED_TRUTH_GAP_S)
+    true = interpolate_signal_at_times(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_INTERPOLATED_TRUTH_GAP_S)
     at_preview = true_lateral_and_heading_deviations_at_preview(
         truth, track.stamp_ns, track.preview_m, MAX_INTERPOLATED_TRUTH_GAP_S
     )

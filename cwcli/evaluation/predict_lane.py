@@ -21,7 +21,7 @@ from cwcli.prediction.poses import VehiclePoses, side_slip_rad
 from cwcli.signals.canonical import PoseSignal, Signal
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict_lane import (
     PUBLISHED_MODEL_NAME_BY_LATERAL_MODEL,
@@ -52,17 +52,22 @@ def _truth_poses_at_frames(
         return None
     at_ns = observed.track.stamp_ns
     xy_m = np.column_stack([truth.x_m, truth.y_m])
-    at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S)
+    at_xy = interpolate_signal_at_times(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S)
     left_rad = 0.0 if truth.mounting is None else truth.mounting.correction_rad
     yaw_rad = (
-        resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S) - left_rad
+        interpolate_signal_at_times(
+            truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S
+        )
+        - left_rad
     )
     schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
     if schema == COURSE_SCHEMA:
         lateral_mps = observed.track.state[:, 0]
         if lateral is not None and len(lateral):
             true_ns, true_state = read_lateral_truth_stamps_and_states(lateral)
-            lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S)
+            lateral_mps = interpolate_signal_at_times(
+                true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S
+            )
         yaw_rad = yaw_rad - side_slip_rad(lateral_mps, observed.track.speed_mps)
     return VehiclePoses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
 

@@ -13,7 +13,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import find_metric
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray, Int64Array, StateRows, median_of_values
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE
 
@@ -45,10 +45,12 @@ class EgoMotion:
     def interpolate_motion(self, stamp_ns: Int64Array, at_ns: Int64Array) -> EgoMotion:
         """Interpolate the motion linearly at other times; NaN outside its own and in gaps."""
         xy_m, speed, yaw_rate = (
-            resample(stamp_ns, values, at_ns, max_gap_s=MAX_INTERPOLATED_MOTION_GAP_S)
+            interpolate_signal_at_times(stamp_ns, values, at_ns, max_gap_s=MAX_INTERPOLATED_MOTION_GAP_S)
             for values in (self.xy_m, self.speed_mps, self.yaw_rate_radps)
         )
-        heading = resample(stamp_ns, self.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATED_MOTION_GAP_S, is_angle=True)
+        heading = interpolate_signal_at_times(
+            stamp_ns, self.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATED_MOTION_GAP_S, is_angle=True
+        )
         return EgoMotion(xy_m, heading, speed, yaw_rate)
 
 

@@ -52,7 +52,9 @@ def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, 
         within_ns = stamp_ns[stamp_ns >= first_ns]
         for gap in find_stamp_gaps(within_ns, start_ns=first_ns, end_ns=last_ns, min_gap_s=least_s):
             others = [
-                each for each in stamps_by_source if each[0] is not m and _goes_on(each[1], gap.start_ns, gap.end_ns)
+                each
+                for each in stamps_by_source
+                if each[0] is not m and _does_source_go_on_in_span(each[1], gap.start_ns, gap.end_ns)
             ]
             known = {name for other, _ in others for name in MEASURED_QUANTITIES_BY_KIND[other.kind]}
             lost_quantities = [name for name in MEASURED_QUANTITIES_BY_KIND[m.kind] if name not in known]
@@ -77,7 +79,7 @@ def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, 
     return {SILENCES_RECORD_KEY: json.dumps(list(found.values()))}
 
 
-def _goes_on(stamp_ns: Int64Array, begin_ns: int, end_ns: int) -> bool:
+def _does_source_go_on_in_span(stamp_ns: Int64Array, begin_ns: int, end_ns: int) -> bool:
     """Whether a source goes on for more than half of a span: it has no gap of so long there."""
     inside = stamp_ns[(stamp_ns > begin_ns) & (stamp_ns < end_ns)]
     edges_ns = np.concatenate([[begin_ns], inside, [end_ns]])

@@ -33,7 +33,7 @@ class OtherSystemTopics:
     ego_state: str = ""
 
     @property
-    def named_topics(self) -> tuple[str, ...]:
+    def topics_named_by_user(self) -> tuple[str, ...]:
         """All topics that are named."""
         return tuple(topic for topic in (self.warning, self.ego_path, self.ego_state) if topic)
 
@@ -45,7 +45,7 @@ class OtherSystemTopics:
         """
         topics_of_log = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name})" for channel in log.channels))
         known = {channel.topic for channel in log.channels}
-        for topic in self.named_topics:
+        for topic in self.topics_named_by_user:
             if topic not in known:
                 raise UsageError(f"--topic {topic}: the log has no such topic", where=log.name, found=topics_of_log)
 

@@ -73,7 +73,7 @@ def score_tracks_against_truth(
         notes.append(f"{truth.source}: its map frame is assumed to be that of the ego state")
     velocity = np.column_stack([truth.vx_mps, truth.vy_mps])
     if not np.isfinite(velocity).all():
-        velocity = _differentiate_positions(truth, xy)
+        velocity = _target_velocities_by_central_differences(truth, xy)
         notes.append(f"{truth.source}: the true velocities are differences of the positions")
     true = TargetMoments(
         truth.stamp_ns, truth.id.codes.astype(np.int64), np.column_stack([xy, velocity])
@@ -86,7 +86,7 @@ def score_tracks_against_truth(
     return TargetTruthScores(truth.source, truth.id.values, scores), tuple(notes)
 
 
-def _differentiate_positions(truth: TargetTruthSignal, xy: EastNorthRows) -> FloatArray:
+def _target_velocities_by_central_differences(truth: TargetTruthSignal, xy: EastNorthRows) -> FloatArray:
     """Return the velocities (n, 2) of the targets as central differences; NaN for a target with a single row."""
     out = np.full_like(xy, np.nan)
     for code in np.unique(truth.id.codes):

@@ -26,9 +26,9 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array, LatLonAlt
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.vehicle_state import EGO_ID, HEADING, SPEED, X
-from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, bounds_cell
+from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, cell_of_low_and_high_bound
 
 MAX_INTERPOLATED_EGO_GAP_S = 0.5
 """Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
@@ -94,7 +94,12 @@ def build_truth_errors_section(errors: TruthErrors) -> SummaryTable:
 def build_nees_section(errors: TruthErrors) -> SummaryTable:
     """Build the section with the NEES for the summary."""
     rows: list[tuple[Cell, ...]] = [
-        (each.name, each.per_dof, bounds_cell(*each.bounds), NIS_CELL_BY_CONSISTENCY[each.is_within_bounds])
+        (
+            each.name,
+            each.per_dof,
+            cell_of_low_and_high_bound(*each.bounds),
+            NIS_CELL_BY_CONSISTENCY[each.is_within_bounds],
+        )
         for each in errors.nees
     ]
     title = (
@@ -263,7 +268,7 @@ def place_truth_in_map_with_notes(
 
 
 def _interpolate_at_ns(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArray, max_gap_s: float) -> FloatArray:
-    return resample(stamp_ns, values, at_ns, max_gap_s=max_gap_s)
+    return interpolate_signal_at_times(stamp_ns, values, at_ns, max_gap_s=max_gap_s)
 
 
 def _covariances_nearest_in_time(stamp_ns: Int64Array, ego: Track) -> FloatArray:

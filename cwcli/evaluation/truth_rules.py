@@ -226,7 +226,7 @@ def _fit_linear(columns: Callable[[_Rows], FloatArray]) -> _Fit:
     return fit
 
 
-def _without_linear(columns: Callable[[_Rows], FloatArray]) -> Callable[[_Rows, FloatArray], _Rows]:
+def _correct_by_linear_columns(columns: Callable[[_Rows], FloatArray]) -> Callable[[_Rows, FloatArray], _Rows]:
     return lambda rows, parameters: _with_truth(rows, rows.truth - columns(rows) @ parameters)
 
 
@@ -240,14 +240,14 @@ def _point_columns(rows: _Rows) -> FloatArray:
     return np.stack([ahead, np.column_stack([-ahead[:, 1], ahead[:, 0]])], axis=2)
 
 
-def _datum_columns(rows: _Rows) -> FloatArray:
+def _map_offset_columns(rows: _Rows) -> FloatArray:
     return np.broadcast_to(np.eye(2), (len(rows.stamp_s), 2, 2))
 
 
 def _map_columns(rows: _Rows) -> FloatArray:
     xy = rows.estimated_quantity(rows.late_s)
     x, y = (xy - np.nanmean(xy, axis=0)).T
-    return np.stack([*np.moveaxis(_datum_columns(rows), 2, 0), np.stack([x, y], 1), np.stack([-y, x], 1)], axis=2)
+    return np.stack([*np.moveaxis(_map_offset_columns(rows), 2, 0), np.stack([x, y], 1), np.stack([-y, x], 1)], axis=2)
 
 
 def _speed_columns(rows: _Rows) -> FloatArray:
@@ -268,7 +268,7 @@ def _fit_clock_with(other: _Kind | None) -> _Fit:
         all_few = np.ones(len(few.stamp_s), np.bool_)
 
         def cost(late_s: float) -> float:
-            moved = _later(few, late_s)
+            moved = _rows_with_later_clock(few, late_s)
             if other is not None:
                 moved = other.apply(moved, other.fit(moved, all_few))
             return moved.nees_per_dof(moved.error(moved.late_s), all_few)
@@ -281,24 +281,24 @@ def _fit_clock_with(other: _Kind | None) -> _Fit:
         while step > FINE_CLOCK_ERROR_SEARCH_STEP_S:
             best = min((best, best - step, best + step), key=cost)
             step *= 0.5
-        return np.append(best, [] if other is None else other.fit(_later(rows, best), chosen))
+        return np.append(best, [] if other is None else other.fit(_rows_with_later_clock(rows, best), chosen))
 
     return fit
 
 
 def _without_clock_and(other: _Kind | None) -> Callable[[_Rows, FloatArray], _Rows]:
     def apply(rows: _Rows, parameters: FloatArray) -> _Rows:
-        moved = _later(rows, float(parameters[0]))
+        moved = _rows_with_later_clock(rows, float(parameters[0]))
         return moved if other is None else other.apply(moved, parameters[1:])
 
     return apply
 
 
-def _later(rows: _Rows, late_s: float) -> _Rows:
+def _rows_with_later_clock(rows: _Rows, late_s: float) -> _Rows:
     return replace(rows, late_s=rows.late_s + late_s)
 
 
-def _clock_and(other: _Kind) -> _Kind:
+def _kind_of_clock_and_other_rule(other: _Kind) -> _Kind:
     """Return the rule of another clock and another rule together."""
     return _Kind(
         other.quantities,
@@ -313,7 +313,7 @@ def _clock_text(late_s: FloatArray) -> str:
     return f"is {abs(late_s[0]):.2g} s {'late' if late_s[0] > 0.0 else 'early'} against the track, as by another clock"
 
 
-def _place_text(place_m: FloatArray, directions: Sequence[tuple[str, str]]) -> str:
+def _reference_point_text(place_m: FloatArray, directions: Sequence[tuple[str, str]]) -> str:
     """Format `3 m ahead and 1 m left`; a component below a tenth of the distance is left out.
 
     Args:
@@ -328,12 +328,12 @@ def _place_text(place_m: FloatArray, directions: Sequence[tuple[str, str]]) -> s
 
 
 def _point_text(place_m: FloatArray) -> str:
-    place = _place_text(place_m, (("ahead", "behind"), ("left", "right")))
+    place = _reference_point_text(place_m, (("ahead", "behind"), ("left", "right")))
     return f"lies {place} of the estimated point, as another point of the car"
 
 
-def _datum_text(offset_m: FloatArray) -> str:
-    place = _place_text(offset_m, (("east", "west"), ("north", "south")))
+def _map_offset_text(offset_m: FloatArray) -> str:
+    place = _reference_point_text(offset_m, (("east", "west"), ("north", "south")))
     return f"lies {place} of the track, as by another datum or base station"
 
 
@@ -356,11 +356,11 @@ def _fit_turn(sign: float) -> _Fit:
     return fit
 
 
-def _without_turn(sign: float) -> Callable[[_Rows, FloatArray], _Rows]:
+def _correct_by_turned_axes(sign: float) -> Callable[[_Rows, FloatArray], _Rows]:
     return lambda rows, turn_rad: _with_truth(rows, sign * (rows.truth - turn_rad))
 
 
-def _held_mask(rows: _Rows) -> BoolArray:
+def _held_truth_rows_mask(rows: _Rows) -> BoolArray:
     """Return which rows of a truth repeat the value before them for long while the track moves on, (n,)."""
     if rows.quantity != "position":
         return np.zeros(len(rows.stamp_s), np.bool_)
@@ -377,11 +377,11 @@ def _held_mask(rows: _Rows) -> BoolArray:
 def _fit_held(rows: _Rows, chosen: BoolArray) -> FloatArray:
     """Return for how long the truth is held, s, (1,)."""
     step_s = np.append(0.0, np.diff(rows.stamp_s))
-    return np.array([step_s[_held_mask(rows) & chosen].sum()])
+    return np.array([step_s[_held_truth_rows_mask(rows) & chosen].sum()])
 
 
-def _without_held(rows: _Rows, _: FloatArray) -> _Rows:
-    return _with_truth(rows, np.where(_held_mask(rows)[:, None], np.nan, rows.truth))
+def _drop_held_truth_rows(rows: _Rows, _: FloatArray) -> _Rows:
+    return _with_truth(rows, np.where(_held_truth_rows_mask(rows)[:, None], np.nan, rows.truth))
 
 
 CLOCK_RULE_KIND = _Kind(
@@ -395,16 +395,16 @@ CLOCK_RULE_KIND = _Kind(
 REFERENCE_POINT_RULE_KIND = _Kind(
     ("position",),
     _fit_linear(_point_columns),
-    _without_linear(_point_columns),
+    _correct_by_linear_columns(_point_columns),
     _point_text,
     "Give the mounting of the position's sensor with --lever-arm, or take a truth of the same point.",
 )
 """Another point of the car."""
 MAP_OFFSET_RULE_KIND = _Kind(
     ("position",),
-    _fit_linear(_datum_columns),
-    _without_linear(_datum_columns),
-    _datum_text,
+    _fit_linear(_map_offset_columns),
+    _correct_by_linear_columns(_map_offset_columns),
+    _map_offset_text,
     "Check the datum and the origin of the truth and of the fixes.",
 )
 """An offset on the map."""
@@ -412,7 +412,7 @@ TRUTH_RULE_KINDS = (
     _Kind(
         ("position",),
         _fit_held,
-        _without_held,
+        _drop_held_truth_rows,
         lambda held_s: f"repeats one value for {held_s[0]:.0f} s while the car moves on",
         "Leave that part out with --start and --end, or take another truth.",
     ),
@@ -422,12 +422,12 @@ TRUTH_RULE_KINDS = (
     _Kind(
         ("position",),
         _fit_linear(_map_columns),
-        _without_linear(_map_columns),
+        _correct_by_linear_columns(_map_columns),
         _map_text,
         "Check the projection of the truth's positions.",
     ),
-    _clock_and(REFERENCE_POINT_RULE_KIND),
-    _clock_and(MAP_OFFSET_RULE_KIND),
+    _kind_of_clock_and_other_rule(REFERENCE_POINT_RULE_KIND),
+    _kind_of_clock_and_other_rule(MAP_OFFSET_RULE_KIND),
     _Kind(
         ("speed",),
         _fit_linear(_speed_columns),
@@ -438,7 +438,7 @@ TRUTH_RULE_KINDS = (
     _Kind(
         ("heading",),
         _fit_turn(1.0),
-        _without_turn(1.0),
+        _correct_by_turned_axes(1.0),
         lambda turn: (
             f"is turned {np.degrees(abs(turn[0])):.2g} deg to the {'left' if turn[0] > 0.0 else 'right'}, as a device "
             "that is mounted so or counts from another north"
@@ -448,7 +448,7 @@ TRUTH_RULE_KINDS = (
     _Kind(
         ("heading",),
         _fit_turn(-1.0),
-        _without_turn(-1.0),
+        _correct_by_turned_axes(-1.0),
         lambda turn: f"counts clockwise, and {np.degrees(turn[0]) % 360.0:.3g} deg where the car heads east",
         "Check which way the truth's heading counts; it should be counter-clockwise from east.",
     ),

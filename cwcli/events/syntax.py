@@ -155,7 +155,7 @@ class _Parser(ConditionParser):
                 node = Lasting(node, self._parse_time())
             elif self.take_if_next("name", "within"):
                 within_s = self._parse_time()
-                kind, relation, _ = self.peek_token()
+                kind, relation, _ = self.next_token_without_taking_it()
                 if kind != "name" or relation not in WITHIN_RELATIONS:
                     raise self.error_at_token("`after`, `before` or `of`")
                 self.next_token()
@@ -164,10 +164,10 @@ class _Parser(ConditionParser):
                 return node
 
     def _parse_plain_condition(self) -> Node:
-        if self.peek_token()[1] == "(":
+        if self.next_token_without_taking_it()[1] == "(":
             node: Node = self.parse_in_parentheses()
             return node
-        kind, text, _ = self.peek_token()
+        kind, text, _ = self.next_token_without_taking_it()
         if kind == "name" and text in self._events:
             self.next_token()
             return EventName(text)
@@ -184,20 +184,20 @@ class _Parser(ConditionParser):
 
     def parse_operand(self) -> Number | Series:
         """Parse `operand` of the grammar."""
-        kind, text, _ = self.peek_token()
+        kind, text, _ = self.next_token_without_taking_it()
         if kind == "number":
             return self._parse_number()
         if kind not in ("name", "field") or text in {*LOGICAL_WORDS, "for", "within", "over"}:
             raise self.error_at_token("an event, a quantity or a number")
         self.next_token()
-        if kind == "field" or self.peek_token()[1] != "(":
+        if kind == "field" or self.next_token_without_taking_it()[1] != "(":
             return Series(text)
         if text not in WINDOW_FUNCTIONS:
             raise UsageError(
                 f"there is no function {text}", hint=hint_at_closest_or_all_known_names(text, WINDOW_FUNCTIONS, "known")
             )
         self.require_sign("(")
-        kind, name, _ = self.peek_token()
+        kind, name, _ = self.next_token_without_taking_it()
         if kind not in ("name", "field"):
             raise self.error_at_token("a quantity")
         self.next_token()
@@ -219,9 +219,9 @@ class _Parser(ConditionParser):
 
     def _parse_time(self) -> float:
         """Parse a time window, s."""
-        if self.peek_token()[0] != "number":
+        if self.next_token_without_taking_it()[0] != "number":
             raise self.error_at_token("a time such as 3 s")
-        start = self.peek_token()[2]
+        start = self.next_token_without_taking_it()[2]
         number = self._parse_number()
         if number.unit is None:
             raise self.error_at_token("a unit behind the time, such as s")

@@ -20,7 +20,7 @@ from cwcli.logs.encoders.protobuf_encoder import encode_protobuf
 from cwcli.logs.encoders.schemas import find_message_schema
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, Strings
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 
 OSI_VERSION = (3, 8, 0)
@@ -165,6 +165,8 @@ def _interpolate_states(track: Track, at_ns: Int64Array) -> FloatArray:
     nothing = np.zeros(len(track.stamp_ns))
     motion = [nothing if each is None else np.nan_to_num(each) for each in (track.accel_mps2, track.yaw_rate_radps)]
     lines = np.stack([track.x_m, track.y_m, track.speed_mps, *motion], axis=1)
-    found = resample(track.stamp_ns, lines, at_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S)
-    heading = resample(track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S, is_angle=True)
+    found = interpolate_signal_at_times(track.stamp_ns, lines, at_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S)
+    heading = interpolate_signal_at_times(
+        track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S, is_angle=True
+    )
     return np.column_stack([found[:, :3], heading, found[:, 3:]])

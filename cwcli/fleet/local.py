@@ -91,13 +91,13 @@ class _WorkerPool:
             try:
                 task_result: TaskResult = self._worker_of_thread().call_function(self._do, task, self._plan)
             except WorkerLost:
-                self._dismiss_worker()
+                self._stop_and_replace_worker()
                 if self._is_stopping:
                     break
             else:
                 self._mine.n_done += 1
                 if self._mine.n_done >= LOGS_PER_WORKER:
-                    self._dismiss_worker()
+                    self._stop_and_replace_worker()
                 return replace(task_result, attempts=attempt)
         raise WorkerDied
 
@@ -117,7 +117,7 @@ class _WorkerPool:
         worker: PipeWorker | SpawnedWorker = self._mine.worker
         return worker
 
-    def _dismiss_worker(self) -> None:
+    def _stop_and_replace_worker(self) -> None:
         worker, self._mine.worker = getattr(self._mine, "worker", None), None
         if worker is not None:
             worker.close()

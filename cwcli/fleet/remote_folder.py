@@ -184,13 +184,13 @@ class StoreFolder:
         """
         folder = f"{LOGS_FOLDER}/{id}/"
         entry = folder + ENTRY_NAME
-        changed = [name for name in self._changed_names() if name.startswith(folder)]
-        if not changed and not self._gone_names(folder):
+        changed = [name for name in self._names_of_files_changed_since_sent() if name.startswith(folder)]
+        if not changed and not self._names_of_files_no_longer_here(folder):
             return
         if entry in self._states:  # so that files of two runs never look like one
             self._remove(entry)
         self._send([*(name for name in changed if name != entry), entry])
-        for name in self._gone_names(folder):
+        for name in self._names_of_files_no_longer_here(folder):
             self._remove(name)
         annotated = folder + ANNOTATED_LOG_NAME
         if annotated in changed:
@@ -211,16 +211,22 @@ class StoreFolder:
         Raises:
             OutputError: The store does not take them.
         """
-        for id in sorted({name.split("/")[1] for name in self._changed_names() if name.startswith(f"{LOGS_FOLDER}/")}):
+        for id in sorted(
+            {
+                name.split("/")[1]
+                for name in self._names_of_files_changed_since_sent()
+                if name.startswith(f"{LOGS_FOLDER}/")
+            }
+        ):
             self.send_log(id)
-        changed = self._changed_names()
+        changed = self._names_of_files_changed_since_sent()
         last = [name for name in FILES_WRITTEN_LAST if name in changed]
         self._send([name for name in changed if name not in last])
         self._send(last)
-        for name in self._gone_names(""):
+        for name in self._names_of_files_no_longer_here(""):
             self._remove(name)
 
-    def _changed_names(self) -> list[str]:
+    def _names_of_files_changed_since_sent(self) -> list[str]:
         """List the files of the working folder that the store does not have as they are, sorted."""
         paths = (Path(folder) / name for folder, _, names in os.walk(self.path) for name in names)
         found = {path.relative_to(self.path).as_posix(): path for path in paths}
@@ -230,7 +236,7 @@ class StoreFolder:
             if RUN_FILE_PATTERN.fullmatch(name) and self._states.get(name) != _file_state(path)
         )
 
-    def _gone_names(self, folder: str) -> list[str]:
+    def _names_of_files_no_longer_here(self, folder: str) -> list[str]:
         """List the files below a folder that the store has and the working folder has no longer."""
         return [name for name in self._states if name.startswith(folder) and not (self.path / name).is_file()]
 

@@ -41,7 +41,7 @@ def check_answers(answers: Answers, tables: Sequence[SourceTable | Recording]) -
                 found=tuple(columns[:30]),
                 hint=hint_at_closest_or_all_known_names(column, columns),
             )
-        checked[table, quantity] = column, _known_unit(quantity, column, unit)
+        checked[table, quantity] = column, _spell_unit_as_known(quantity, column, unit)
     return replace(answers, columns=checked)
 
 
@@ -51,7 +51,7 @@ def _accepted_names_of_table(table: SourceTable | Recording) -> tuple[str, ...]:
     return table.name, PurePath(table.file).name, *([table.part] if table.part else [])
 
 
-def _known_unit(quantity: str, column: str, text: str) -> str:
+def _spell_unit_as_known(quantity: str, column: str, text: str) -> str:
     """Return a unit as `FACTOR_BY_KIND_AND_UNIT` spells it, with its sense or base behind it; "" for none.
 
     Raises:

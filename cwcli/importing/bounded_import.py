@@ -15,14 +15,14 @@ from typing import Any
 
 from cwcli.bounded_process import ERROR_CLASS_BY_NAME, Limits, cpu_limit_for_file_size_s, run_bounded
 from cwcli.errors import InputError
-from cwcli.importing.progress_shares import READING_TIME_SHARE, ShareReport, follow_shares
+from cwcli.importing.progress_shares import READING_TIME_SHARE, ShareReport, open_pipe_for_shares
 from cwcli.importing.readers import load_kind
 from cwcli.importing.readers.base import FileHead
 from cwcli.importing.run import plan_import, write_import
 from cwcli.importing.tables import AmbiguousError, Answers, Guess
 from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
-from cwcli.work_share import follow_work, part_of_work
+from cwcli.work_share import part_of_work, report_work_share_to
 
 IMPORT_FUNCTION = "cwcli.importing.bounded_import:import_requested_files_in_own_process"
 """The function that the process runs."""
@@ -112,7 +112,7 @@ def import_files(
             request["stdout"] = os.dup(sys.stdout.fileno())
             descriptors = [request["stdout"]]
         if progress is not None:
-            request["progress"] = shares_out = follow_shares(progress)
+            request["progress"] = shares_out = open_pipe_for_shares(progress)
             descriptors.append(shares_out)
         answer = run_bounded(IMPORT_FUNCTION, request, limits, name, descriptors=descriptors, classes=classes)
     finally:
@@ -142,10 +142,10 @@ def import_requested_files_in_own_process(request: dict[str, Any]) -> dict[str, 
     with ExitStack() as opened:
         names = dict.fromkeys((*request["files"], *answers.dbc, answers.frame_times))
         inputs = [opened.enter_context(InputFile.open(name)) for name in names if Path(name).is_file()]
-        with report.follow_reading(request["files"]):
+        with report.report_reading_progress_of_files(request["files"]):
             plan = plan_import(request["files"], answers)
         if request["target"] is not None:
-            with follow_work(report.report_share), part_of_work(READING_TIME_SHARE, 1.0, "messages"):
+            with report_work_share_to(report.report_share), part_of_work(READING_TIME_SHARE, 1.0, "messages"):
                 write_import(plan, request["target"], force=request["force"], inputs=inputs)
             sys.stdout.flush()
     return {

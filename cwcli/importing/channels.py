@@ -58,7 +58,7 @@ def _build_quantity_channel(
     return OutputChannel(topic, schema, stamp_ns, output_fields)
 
 
-def _nan_column(meaning: Meaning) -> FloatArray:
+def _unmeasured_column(meaning: Meaning) -> FloatArray:
     return np.full(len(meaning.stamp_ns), np.nan)
 
 
@@ -68,7 +68,7 @@ def _build_fix_channel(meaning: Meaning) -> OutputChannel:
     fields = {
         "latitude": values["latitude"],
         "longitude": values["longitude"],
-        "altitude": values.get("altitude", _nan_column(meaning)),
+        "altitude": values.get("altitude", _unmeasured_column(meaning)),
     }
     return _build_quantity_channel(meaning, FIX_TOPIC, "sensor_msgs/msg/NavSatFix", rows, BODY_FRAME_ID, fields)
 
@@ -97,7 +97,7 @@ def _build_pose_channel(meaning: Meaning) -> OutputChannel:
 def _build_velocity_or_speed_channels(meaning: Meaning) -> list[OutputChannel]:
     """Return the velocity over ground, where a course comes with the speed; else the speed and the yaw rate."""
     values = meaning.values
-    nothing = _nan_column(meaning)
+    nothing = _unmeasured_column(meaning)
     east, north = values.get("velocity_east"), values.get("velocity_north")
     speed, course = values.get("speed"), values.get("course")
     if east is None and speed is not None and course is not None:

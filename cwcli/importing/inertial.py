@@ -16,7 +16,7 @@ from cwcli.importing.motion import TrackSpans, mean_over_spans, turn_rate_units_
 from cwcli.importing.tables import UNKNOWN_UNIT, Guess, UnitChoice
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 
 MAX_RELATIVE_GRAVITY_ERROR_OF_UNIT = 0.2
@@ -81,7 +81,7 @@ def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: 
     columns = _choose_axis_columns(meaning, accel_or_gyro)
     if columns is None or meaning.questions:
         return None
-    values = np.stack([meaning.unscaled_numbers(column) for column in columns], axis=1)
+    values = np.stack([meaning.numbers_in_file_unit(column) for column in columns], axis=1)
     if accel_or_gyro == "accel":
         kind, choice = "acceleration", _choose_accel_unit_or_ask(meaning, columns, values)
     else:
@@ -96,7 +96,9 @@ def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: 
 def _accelerations_at_turn_rate_stamps(meaning: Meaning, other: Meaning, specific_force: FloatArray) -> FloatArray:
     """Return accelerations at the stamps of the turn rates: straight lines between rows, NaN in gaps."""
     meaning.notes.append(f"accelerations of {other.name} are interpolated to its stamps")
-    return resample(other.stamp_ns, specific_force, meaning.stamp_ns, max_gap_s=MAX_INTERPOLATED_ACCEL_GAP_S)
+    return interpolate_signal_at_times(
+        other.stamp_ns, specific_force, meaning.stamp_ns, max_gap_s=MAX_INTERPOLATED_ACCEL_GAP_S
+    )
 
 
 def _choose_axis_columns(meaning: Meaning, name: str) -> list[str] | None:

@@ -56,7 +56,7 @@ class Meaning:
         """Name of the table."""
         return self.table.source.name
 
-    def unscaled_numbers(self, column: str) -> FloatArray:
+    def numbers_in_file_unit(self, column: str) -> FloatArray:
         """Return a column of numbers in the file's unit, (n,)."""
         if column in self.table.numbers:
             return self.table.numbers[column][self.rows]
@@ -92,7 +92,7 @@ class Meaning:
 
     def _do_both_hold_same_quantity(self, quantity: str, first: str, second: str) -> bool:
         """Tell whether two columns hold the same values, or do so after a change of the units that they state."""
-        numbers = self.unscaled_numbers(first), self.unscaled_numbers(second)
+        numbers = self.numbers_in_file_unit(first), self.numbers_in_file_unit(second)
         if _do_columns_hold_same_values(*numbers, MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS):
             return True
         units = [self.stated_unit(quantity, column).unit for column in (first, second)]
@@ -127,7 +127,7 @@ class Meaning:
     def add_scaled_quantity(self, quantity: str, column: str, choice: UnitChoice) -> None:
         """Add a quantity whose unit is a factor."""
         factor = FACTOR_BY_KIND_AND_UNIT[QUANTITIES[quantity].kind][choice.unit]
-        values = self.unscaled_numbers(column) if factor == 1.0 else self.unscaled_numbers(column) * factor
+        values = self.numbers_in_file_unit(column) if factor == 1.0 else self.numbers_in_file_unit(column) * factor
         self.add_quantity(quantity, values, Guess(quantity, column, *choice))
 
     def is_decided_by_user(self, quantity: str) -> bool:

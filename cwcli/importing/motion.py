@@ -130,14 +130,14 @@ def mean_over_spans(track: TrackSpans, stamp_ns: Int64Array, values: FloatArray)
     area = np.concatenate([[0.0], np.cumsum(0.5 * (finite_values[1:] + finite_values[:-1]) * np.diff(time_s))])
     start_s, end_s = (track.start_ns - stamps[0]) / NS_PER_S, (track.end_ns - stamps[0]) / NS_PER_S
 
-    def area_until(at_s: FloatArray) -> FloatArray:
+    def integral_until(at_s: FloatArray) -> FloatArray:
         row = np.clip(np.searchsorted(time_s, at_s) - 1, 0, len(time_s) - 2)
         step = np.maximum(time_s[row + 1] - time_s[row], 1e-12)
         inside = at_s - time_s[row]
         slope = (finite_values[row + 1] - finite_values[row]) / step
         return np.asarray(area[row] + finite_values[row] * inside + 0.5 * slope * inside**2)
 
-    mean = (area_until(end_s) - area_until(start_s)) / (end_s - start_s)
+    mean = (integral_until(end_s) - integral_until(start_s)) / (end_s - start_s)
     outside = (start_s < time_s[0] - 0.5) | (end_s > time_s[-1] + 0.5)
     gaps = np.diff(time_s)
     row = np.clip(np.searchsorted(time_s, start_s), 0, len(gaps) - 1)

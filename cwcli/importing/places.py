@@ -87,7 +87,7 @@ def find_positions_and_track(meaning: Meaning) -> None:
 
 
 def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) -> None:
-    values = {"latitude": meaning.unscaled_numbers(latitude), "longitude": meaning.unscaled_numbers(longitude)}
+    values = {"latitude": meaning.numbers_in_file_unit(latitude), "longitude": meaning.numbers_in_file_unit(longitude)}
     unscaled, units = dict(values), {}
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         choice = meaning.stated_unit(quantity, column)
@@ -219,7 +219,7 @@ def _apply_hemisphere_sign(meaning: Meaning, values: FloatArray, quantity: str) 
 
 def _drop_invalid_fixes(meaning: Meaning, values: dict[str, FloatArray]) -> None:
     for column in meaning.candidate_columns("fix"):
-        fix = meaning.unscaled_numbers(column)
+        fix = meaning.numbers_in_file_unit(column)
         is_none = fix == 0
         if is_none.any() and (fix > 0).any():
             for each in values.values():
@@ -270,14 +270,14 @@ def _find_altitude(meaning: Meaning) -> None:
     if not columns:
         return
     column = columns[0]
-    choice = meaning.stated_unit("altitude", column).or_assumed("m", "heights are usually in m")
+    choice = meaning.stated_unit("altitude", column).usual_unit_where_unknown("m", "heights are usually in m")
     meaning.chosen["altitude"] = column
     if len(columns) > 1:
         meaning.notes.append(f"height is {column!r}; {', '.join(map(repr, columns[1:]))} left out")
     scale = FACTOR_BY_KIND_AND_UNIT["length"][choice.unit]
-    if float(np.nanmax(np.abs(meaning.unscaled_numbers(column)))) * scale > MAX_ROAD_ALTITUDE_M:
+    if float(np.nanmax(np.abs(meaning.numbers_in_file_unit(column)))) * scale > MAX_ROAD_ALTITUDE_M:
         meaning.notes.append(
-            f"{column!r} is left out: {np.nanmax(np.abs(meaning.unscaled_numbers(column))):g} is not a height in m"
+            f"{column!r} is left out: {np.nanmax(np.abs(meaning.numbers_in_file_unit(column))):g} is not a height in m"
         )
         return
     meaning.add_scaled_quantity("altitude", column, choice)
@@ -288,7 +288,7 @@ def _find_local_positions(meaning: Meaning) -> None:
     if x is None or y is None:
         return
     for quantity, column in (("x", x), ("y", y)):
-        choice = meaning.stated_unit(quantity, column).or_assumed("m", "positions are usually in m")
+        choice = meaning.stated_unit(quantity, column).usual_unit_where_unknown("m", "positions are usually in m")
         meaning.add_scaled_quantity(quantity, column, choice)
     if _may_be_vectors_not_path(meaning, x, y):
         what = f"{x!r}, {y!r} and 'z' may be positions, accelerations or turn rates"
@@ -296,7 +296,7 @@ def _find_local_positions(meaning: Meaning) -> None:
         return
     z = meaning.choose_column_or_ask("z")
     if z is not None:
-        meaning.add_scaled_quantity("z", z, meaning.stated_unit("z", z).or_assumed("m", "as x and y"))
+        meaning.add_scaled_quantity("z", z, meaning.stated_unit("z", z).usual_unit_where_unknown("m", "as x and y"))
     values = meaning.values
     finite = np.isfinite(values["x"]) & np.isfinite(values["y"])
     if not finite.any():

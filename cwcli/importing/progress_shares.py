@@ -15,7 +15,7 @@ PROGRESS_REPORT_INTERVAL_S = 0.3
 """Time between two reports, s. Chosen by hand."""
 
 
-def follow_shares(progress: Callable[[float, float], None]) -> int:
+def open_pipe_for_shares(progress: Callable[[float, float], None]) -> int:
     """Return the end of a pipe into which shares are written, a line each; the caller closes it."""
     reading, writing = os.pipe()
 
@@ -38,12 +38,12 @@ class ShareReport:
         self._last_s = 0.0
 
     @contextmanager
-    def follow_reading(self, files: Sequence[str]) -> Iterator[None]:
+    def report_reading_progress_of_files(self, files: Sequence[str]) -> Iterator[None]:
         """Report in the block how far the files are read, by the positions of the open ones."""
         stop = threading.Event()
         sizes = {os.path.realpath(path): max(Path(path).stat().st_size, 1) for path in files if Path(path).is_file()}
 
-        def watch() -> None:
+        def report_positions_until_end() -> None:
             most: dict[str, int] = {}
             while not stop.wait(PROGRESS_REPORT_INTERVAL_S):
                 for path, position in _positions_of_open_files():
@@ -52,7 +52,7 @@ class ShareReport:
                 self.report_share(self._reading_share * min(sum(most.values()) / sum(sizes.values()), 1.0))
 
         if self._descriptor is not None and sizes:
-            threading.Thread(target=watch, daemon=True).start()
+            threading.Thread(target=report_positions_until_end, daemon=True).start()
         try:
             yield
         finally:

@@ -237,7 +237,9 @@ def _add_quaternion_quantities_beside_x_y(meaning: Meaning) -> None:
         if all(columns) and column is not None:
             guess = Guess(f"quaternion_{axis}", column, "", "certain", "the name")
             meaning.add_quantity(
-                f"quaternion_{axis}", meaning.unscaled_numbers(column) * FACTOR_BY_KIND_AND_UNIT["number"]["1"], guess
+                f"quaternion_{axis}",
+                meaning.numbers_in_file_unit(column) * FACTOR_BY_KIND_AND_UNIT["number"]["1"],
+                guess,
             )
 
 

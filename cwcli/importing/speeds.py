@@ -58,7 +58,7 @@ def find_speed_and_unit(meaning: Meaning, track: TrackSpans | None) -> None:
     column = meaning.choose_column_or_ask("speed")
     if column is None:
         return
-    values = meaning.unscaled_numbers(column)
+    values = meaning.numbers_in_file_unit(column)
     values = _without_unknown_minus_one(meaning, values)
     if _are_latitude_longitude_swapped(meaning, values):
         columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
@@ -161,7 +161,7 @@ def find_velocity(meaning: Meaning, track: TrackSpans | None) -> None:
     east, north = meaning.choose_column_or_ask("velocity_east"), meaning.choose_column_or_ask("velocity_north")
     if east is None or north is None:
         return
-    size = np.hypot(meaning.unscaled_numbers(east), meaning.unscaled_numbers(north))
+    size = np.hypot(meaning.numbers_in_file_unit(east), meaning.numbers_in_file_unit(north))
     choice = _choose_speed_unit_or_ask(meaning, east, size, meaning.stated_unit("velocity_east", east), track)
     if choice is not None:
         meaning.add_scaled_quantity("velocity_east", east, choice)
@@ -198,7 +198,7 @@ def _is_course_of_receiver(meaning: Meaning) -> bool:
 
 
 def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpans | None) -> None:
-    values = meaning.unscaled_numbers(column)
+    values = meaning.numbers_in_file_unit(column)
     if quantity == "course":
         values = _without_unknown_minus_one(meaning, np.where(values < -180.0, np.nan, values))
     if float(np.nanmin(values)) == float(np.nanmax(values)) and _stands_for_no_angle(float(np.nanmax(values)), track):
@@ -303,7 +303,7 @@ def _add_question_if_swap_fits_as_well(meaning: Meaning, quantity: str, column: 
     """Ask where swapped latitude and longitude explain a course as well as an unusual sense of its angle."""
     if "latitude" not in meaning.values:
         return False
-    swapped_deg = swapped_course_error_deg(meaning, meaning.unscaled_numbers(column))
+    swapped_deg = swapped_course_error_deg(meaning, meaning.numbers_in_file_unit(column))
     if not swapped_deg < fit_deg + MIN_ADVANTAGE_OVER_SWAPPED_POSITIONS_DEG:
         return False
     columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
@@ -412,7 +412,7 @@ def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
         column = meaning.choose_column_or_ask("gyro_z")
     if column is None:
         return
-    values = meaning.unscaled_numbers(column)
+    values = meaning.numbers_in_file_unit(column)
     unit, confidence, why = meaning.stated_unit("gyro_z" if is_lonely else "yaw_rate", column)
     ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values)
     is_shown = abs(correlation) > MIN_CORRELATION_TO_SHOW_YAW_RATE_SENSE

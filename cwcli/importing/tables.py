@@ -139,7 +139,7 @@ class UnitChoice(NamedTuple):
     confidence: str
     why: str
 
-    def or_assumed(self, unit: str, why: str) -> UnitChoice:
+    def usual_unit_where_unknown(self, unit: str, why: str) -> UnitChoice:
         """Return the choice, or the usual unit where it has none."""
         return self if self.unit else UnitChoice(unit, "assumed", why)
 

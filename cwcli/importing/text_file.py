@@ -54,7 +54,7 @@ def read_head(path: str | Path, n_bytes: int = MAX_INSPECTED_HEAD_BYTES) -> byte
         raise InputError(f"it can't be read: {what}", where=str(path)) from error
 
 
-def decode_head(data: bytes) -> TextHead | None:
+def decode_text_head(data: bytes) -> TextHead | None:
     """Decode the beginning of a file; None if it is no text."""
     is_whole = len(data) < MAX_INSPECTED_HEAD_BYTES
     encoding, bom = "utf-8", 0

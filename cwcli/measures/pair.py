@@ -15,7 +15,7 @@ from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.measures.outlines import LengthAndWidthM
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.packed_covariances import Covariances
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import N_STATES
 
@@ -293,9 +293,9 @@ def interpolate_x_y_speed_heading(
     if values is not None:
         if not finite.any():
             return np.full((len(at_ns), values.shape[1]), np.nan)
-        return resample(track.stamp_ns[finite], values[finite], at_ns, max_gap_s=max_gap_s)
+        return interpolate_signal_at_times(track.stamp_ns[finite], values[finite], at_ns, max_gap_s=max_gap_s)
     values = track.state[finite, :4]
     if len(values) < 2:
         return np.full((len(at_ns), 4), np.nan)
     values[:, 3] = np.unwrap(values[:, 3])
-    return resample(track.stamp_ns[finite], values, at_ns, max_gap_s=max_gap_s)
+    return interpolate_signal_at_times(track.stamp_ns[finite], values, at_ns, max_gap_s=max_gap_s)

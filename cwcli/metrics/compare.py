@@ -279,7 +279,7 @@ def _judge_metric_change(effect: _MetricEffect, p: float, drawn: UInt16Array | N
     if verdict in (ChangeVerdict.IMPROVED, ChangeVerdict.WORSE) and effect.pooled_value_contradicts(mean, *both):
         verdict = ChangeVerdict.UNCLEAR
 
-    def displayed_value(value: float) -> float:
+    def metric_value_as_displayed(value: float) -> float:
         return math.expm1(value) if effect.is_relative else value
 
     return MetricChange(
@@ -290,9 +290,9 @@ def _judge_metric_change(effect: _MetricEffect, p: float, drawn: UInt16Array | N
         n_pairs=len(known),
         n_changed=int(np.count_nonzero(known)),
         n_missing=effect.n_missing,
-        change=displayed_value(mean),
-        low=displayed_value(low),
-        high=displayed_value(high),
+        change=metric_value_as_displayed(mean),
+        low=metric_value_as_displayed(low),
+        high=metric_value_as_displayed(high),
         is_relative=effect.is_relative,
         p=p,
         verdict=verdict,

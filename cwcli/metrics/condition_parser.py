@@ -92,7 +92,7 @@ class ConditionParser(ABC):
     def parse_to_end(self, expected: str) -> Any:
         """Parse `condition` of the grammar up to the end of the text; an error names what was expected there."""
         node = self.parse_condition()
-        if self.peek_token()[0] != "end":
+        if self.next_token_without_taking_it()[0] != "end":
             raise self.error_at_token(expected)
         return node
 
@@ -140,7 +140,7 @@ class ConditionParser(ABC):
         """Parse a comparison or a chain of two, which is not of numbers alone."""
         operands = [self.parse_operand()]
         signs: list[str] = []
-        while self.peek_token()[1] in COMPARISONS_BY_SIGN and len(signs) < 2:
+        while self.next_token_without_taking_it()[1] in COMPARISONS_BY_SIGN and len(signs) < 2:
             signs.append(self.next_token()[1])
             operands.append(self.parse_operand())
         if not signs:
@@ -160,7 +160,7 @@ class ConditionParser(ABC):
             raise self.error_at_token("a number that a computer can hold", start)
         return value
 
-    def peek_token(self) -> Token:
+    def next_token_without_taking_it(self) -> Token:
         """Return the next token; its kind is `end` beyond the last one, and `other` where nothing fits."""
         rest = self.text[self.at :]
         start = self.at + len(rest) - len(rest.lstrip())
@@ -173,13 +173,13 @@ class ConditionParser(ABC):
 
     def next_token(self) -> Token:
         """Consume the next token."""
-        token = self.peek_token()
+        token = self.next_token_without_taking_it()
         self.at = token[2] + len(token[1])
         return token
 
     def take_if_next(self, kind: str, text: str) -> bool:
         """Consume the next token if it has this kind and text; return whether it had."""
-        if self.peek_token()[:2] != (kind, text):
+        if self.next_token_without_taking_it()[:2] != (kind, text):
             return False
         self.next_token()
         return True
@@ -191,7 +191,7 @@ class ConditionParser(ABC):
 
     def error_at_token(self, expected: str, start: int | None = None) -> UsageError:
         """Return the error that says what was expected at a character, by default that of the next token."""
-        start = self.peek_token()[2] if start is None else start
+        start = self.next_token_without_taking_it()[2] if start is None else start
         found = self.text[start : start + 20].strip()
         found = "a URL" if "://" in self.text else found  # a part of one could be a part of its password
         what = f"found `{found}`" if found else "it ends"

@@ -109,7 +109,7 @@ class _Parser(ConditionParser):
 
     def parse_whole_gate(self) -> Node:
         """Parse `gate` up to the end of the text."""
-        while self.peek_token()[0] != "end":
+        while self.next_token_without_taking_it()[0] != "end":
             kind, _, start = self.next_token()
             if kind == "other":
                 raise self.error_at_token("a metric, a number or a comparison", start)
@@ -119,11 +119,11 @@ class _Parser(ConditionParser):
 
     def parse_term(self) -> Node:
         """Parse a gate in parentheses, `over` or `comparison` of the grammar."""
-        if self.peek_token()[1] == "(":
+        if self.next_token_without_taking_it()[1] == "(":
             node: Node = self.parse_in_parentheses()
             return node
         start, quantifier = self.at, self.next_token()[1]
-        if quantifier in {"any", "all"} and self.peek_token()[1] == "(":
+        if quantifier in {"any", "all"} and self.next_token_without_taking_it()[1] == "(":
             return AnyAll(quantifier, self._parse_gate_of_single_logs())
         self.at = start
         comparison = self.parse_comparison()
@@ -139,7 +139,7 @@ class _Parser(ConditionParser):
             return Number(self.finite_number(text.removesuffix("%"), start) / (100.0 if text.endswith("%") else 1.0))
         if kind != "name" or text in LOGICAL_WORDS:
             raise self.error_at_token("a metric or a number", start)
-        if self.peek_token()[1] != "(":
+        if self.next_token_without_taking_it()[1] != "(":
             return Name(text)
         if text == "share":
             return Share(self._parse_gate_of_single_logs())
@@ -150,7 +150,7 @@ class _Parser(ConditionParser):
             )
         self.require_sign("(")
         kind, inner, start = self._next_token("a metric")
-        if kind != "name" or self.peek_token()[1] == "(":
+        if kind != "name" or self.next_token_without_taking_it()[1] == "(":
             raise self.error_at_token("a metric", start)
         self.require_sign(")")
         return Aggregate(text, Name(inner))
@@ -164,7 +164,7 @@ class _Parser(ConditionParser):
 
     def _next_token(self, expected: str) -> Token:
         """Consume the next token; raise `UsageError` at the end, which names what was expected."""
-        if self.peek_token()[0] == "end":
+        if self.next_token_without_taking_it()[0] == "end":
             raise self.error_at_token(expected)
         return self.next_token()
 

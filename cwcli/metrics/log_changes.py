@@ -55,7 +55,7 @@ class LogChange:
     changes: tuple[LogMetricChange, ...]
 
     @property
-    def badness(self) -> tuple[bool, int, float]:
+    def sort_key_by_worsening(self) -> tuple[bool, int, float]:
         """Sort key, higher is worse: failed, number of metrics that are gone, sum of the worsenings of the others."""
         n_gone = sum(change.direction is Direction.GONE for change in self.changes)
         return bool(self.error), n_gone, sum(max(change.worsening, 0.0) for change in self.changes)
@@ -82,7 +82,7 @@ def rank_log_changes(
         changes = sorted(filter(None, found), key=_change_sort_key)
         if changes or after.error:
             ranked.append(LogChange(after.id, after.error, tuple(changes)))
-    return sorted(ranked, key=lambda log: log.badness, reverse=True)
+    return sorted(ranked, key=lambda log: log.sort_key_by_worsening, reverse=True)
 
 
 def _change_sort_key(change: LogMetricChange) -> tuple[bool, float]:

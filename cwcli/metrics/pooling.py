@@ -137,7 +137,7 @@ def pool_metric(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
     """
     first = rows[0]
     weighted_rows = _rows_with_weight(rows)
-    total, weight = _weighted_sums(weighted_rows, first.pool)
+    total, weight = _weighted_sum_and_total_weight(weighted_rows, first.pool)
     value = metric_value_from_sums(first.pool, total, weight)
     metric = find_metric(first.metric)
     kind = metric.interval if metric is not None else ""
@@ -154,7 +154,7 @@ def pool_metric(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
 def pool_metric_value(rows: Sequence[MetricRow]) -> float:
     """Return the pooled value of a metric without its interval; NaN without rows."""
     return (
-        metric_value_from_sums(rows[0].pool, *_weighted_sums(_rows_with_weight(rows), rows[0].pool))
+        metric_value_from_sums(rows[0].pool, *_weighted_sum_and_total_weight(_rows_with_weight(rows), rows[0].pool))
         if rows
         else math.nan
     )
@@ -173,7 +173,7 @@ def _rows_with_weight(rows: Sequence[MetricRow]) -> list[MetricRow]:
     return [row for row in rows if row.weight > 0.0 and math.isfinite(row.total)]
 
 
-def _weighted_sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
+def _weighted_sum_and_total_weight(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
     """Return total and weight of several rows; of an extreme the weight is 1."""
     if not rows:
         return math.nan, 0.0

@@ -14,7 +14,7 @@ from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, dead_reckon_x_y_
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.covariances import rotate_plane_covariance
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 
 ASSUMED_SIGMA_WEIGHT_IN_HORIZONS = 1.0
@@ -58,7 +58,7 @@ def sigma_factors_across_path_by_time(paths: Paths, track: LateralTrack) -> Floa
     for k, time_s in enumerate(paths.time_s.tolist()):
         if k == 0:
             continue
-        later = resample(
+        later = interpolate_signal_at_times(
             track.stamp_ns, pose, track.stamp_ns + round(time_s * NS_PER_S), max_gap_s=MAX_INTERPOLATED_GAP_S
         )
         dx, dy = later[:, 0] - x, later[:, 1] - y

@@ -8,7 +8,7 @@ from cwcli.dynamics.samples import LateralTrack
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.lateral import dead_reckon_x_y_m_and_heading_rad
 from cwcli.signals.columns import FloatArray, Int64Array, StateRows
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.vehicle_state import HEADING, MAP_FRAME, X, Y
 
 ODOM_FRAME = "odom"
@@ -56,7 +56,7 @@ def body_poses_from_states(stamp_ns: Int64Array, state: StateRows, track: Latera
     Args:
         stamp_ns, state: The ego's states (m,) and (m, 8), in the order of their stamps.
     """
-    x_m, y_m, course_rad = resample(
+    x_m, y_m, course_rad = interpolate_signal_at_times(
         stamp_ns, state[:, [X, Y, HEADING]], track.stamp_ns, max_gap_s=MAX_INTERPOLATED_EGO_GAP_S
     ).T
     yaw_rad = course_rad - side_slip_rad(track.state[:, 0], track.speed_mps)

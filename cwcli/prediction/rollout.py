@@ -50,7 +50,7 @@ class RolloutSettings:
         return path_time_grid_s(self.horizon_s, self.step_s)
 
     @property
-    def used_prior(self) -> DriverPrior:
+    def driver_prior_of_settings(self) -> DriverPrior:
         """What drivers do."""
         return self.prior or DriverPrior()
 
@@ -109,7 +109,7 @@ def roll_out_paths(
         ValueError: Shapes that don't fit.
     """
     chosen = _require_model(model, settings.discretisation)
-    prior, time_s = settings.used_prior, settings.time_s
+    prior, time_s = settings.driver_prior_of_settings, settings.time_s
     _require_8_states_and_matching_covariances(state, covariance)
     kept_s = time_s if points is None else time_s[points]
     n, k = len(state), len(kept_s)

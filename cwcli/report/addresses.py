@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from cwcli.digest.drive import read_drive
 from cwcli.digest.encounters import find_encounters
-from cwcli.digest.story import name_of_other, verdict_badge
+from cwcli.digest.story import badge_of_warning_verdict, name_of_other
 from cwcli.errors import CwcliError, UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
@@ -218,7 +218,7 @@ def _find_link_targets(log: Log, name: str) -> list[LinkTarget]:
     wrong: list[LinkTarget] = []
     named = zip(warning_anchor_names(name, drive_encounters), drive_encounters.encounters, strict=True)
     for mark, encounter in list(named)[:MAX_PAGE_TABLE_ROWS]:
-        badge = verdict_badge(encounter)
+        badge = badge_of_warning_verdict(encounter)
         targets = right if badge.tone == "alert" else wrong
         words = f"warning {encounter.event_id}, {name_of_other(encounter)}: {badge.text}"
         targets.append(LinkTarget(mark, words, badge.text.partition(",")[0]))

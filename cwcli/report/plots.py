@@ -19,7 +19,7 @@ from cwcli.report.map_figure import insert_nan_rows_in_time_gaps
 from cwcli.report.sensors import MAX_INTERPOLATION_GAP_S, truth_error_curves
 from cwcli.report.signal_figures import SignalCurve, lane_curves, motion_curves
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
 from cwcli.text import shorten_and_escape
@@ -168,7 +168,7 @@ def _states_at_truth_stamps(drive: Drive, truth: EgoTruth) -> FloatArray:
     """Interpolate the ego's states at the truth's stamps, (n, 8)."""
     assert drive.ego is not None  # who has a truth has states
     states = drive.ego.sort_by_stamp_without_repeats()
-    return resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
+    return interpolate_signal_at_times(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
 
 
 def _raise_no_common_time() -> list[Panel]:

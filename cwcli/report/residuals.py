@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.digest.drive import Drive
-from cwcli.estimation.imu import level_imu
+from cwcli.estimation.imu import level_imu_by_gravity
 from cwcli.estimation.latency import MAX_DRIFT_EXTRAPOLATION_S
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import ParameterStatus
@@ -38,7 +38,7 @@ from cwcli.report.signal_figures import gated_measurement_mask
 from cwcli.report.views import Plot
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, EGO_ID, HEADING, SPEED, YAW_RATE
 
@@ -139,8 +139,11 @@ def iter_source_residuals(drive: Drive) -> Iterator[SourceResiduals]:
         parameters = [row for row in of_parameters if row[:2] == own]
         noise = next((row for row in of_noise if row[:2] == own), None)
         scale = RESIDUAL_COMPONENTS[kind][0][2]
-        estimated = resample(
-            states.stamp_ns, states.state, _subtract_latency(rows.stamp_ns, report), max_gap_s=MAX_INTERPOLATION_GAP_S
+        estimated = interpolate_signal_at_times(
+            states.stamp_ns,
+            states.state,
+            _subtract_latency_from_stamps(rows.stamp_ns, report),
+            max_gap_s=MAX_INTERPOLATION_GAP_S,
         )
         values = _compute_residuals(
             rows,
@@ -175,7 +178,7 @@ def _level_and_sort_measurements(drive: Drive, measured: Measurements) -> list[M
     stamp_ns, values = stamp_ns[known], values[known]
     if not len(values):
         return []
-    levelled = level_imu(drive.seconds_since_start(stamp_ns), values, None)
+    levelled = level_imu_by_gravity(drive.seconds_since_start(stamp_ns), values, None)
     levelled_ns = stamp_ns[np.isin(drive.seconds_since_start(stamp_ns), levelled.time_s)]
     if len(levelled_ns) != len(levelled.time_s):  # equal stamps, one of which was left out
         return []
@@ -185,7 +188,7 @@ def _level_and_sort_measurements(drive: Drive, measured: Measurements) -> list[M
     ]
 
 
-def _subtract_latency(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
+def _subtract_latency_from_stamps(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
     """Subtract the latency that the estimator applied from the stamps."""
     latency_s, drift = read_latency_s(report, "latency_s"), read_finite_number_or_nan(report, "latency_drift")
     taken_s = np.full(len(stamp_ns), latency_s if math.isfinite(latency_s) else 0.0)

@@ -14,10 +14,10 @@ from cwcli.digest.encounters import DriveEncounters, Encounter
 from cwcli.digest.story import (
     Badge,
     Story,
+    badge_of_warning_verdict,
     careful_driver_sentence,
     encounter_sentence,
     encounters_by_criticality,
-    verdict_badge,
     verdict_sentence,
 )
 from cwcli.errors import CwcliError
@@ -221,7 +221,7 @@ def _build_event_view(
     said = (verdict_sentence(drive.warning_config, encounter), careful_driver_sentence(drive, encounter))
     return EventView(
         number=encounter.event_id,
-        badge=verdict_badge(encounter),
+        badge=badge_of_warning_verdict(encounter),
         sentence="" if is_in_headline else encounter_sentence(drive, encounter),
         verdict="" if is_in_headline else " ".join(filter(None, said)),
         plots=tuple(plots),

@@ -19,7 +19,7 @@ from cwcli.report.signal_figures import SignalCurve, stacked_curves_figure
 from cwcli.report.views import SensorsView, TableView
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.signals.vehicle_state import HEADING, SPEED
 from cwcli.text import format_number, join_names
@@ -156,7 +156,9 @@ def truth_error_curves(drive: Drive, truth: EgoTruth) -> list[SignalCurve]:
     if ego is None:
         return []
     states = ego.sort_by_stamp_without_repeats()
-    state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
+    state = interpolate_signal_at_times(
+        states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATION_GAP_S
+    )
     error = state[:, :2] - truth.xy
     if not np.isfinite(error).any():
         return []

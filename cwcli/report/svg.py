@@ -99,7 +99,7 @@ def map_svg(tracks: Sequence[MapTrack], label: str) -> str:
     y = MAP_SIZE_PX - EMPTY_EDGE_PX
     parts.append(f'<path d="M{EMPTY_EDGE_PX} {y}h{bar_m * scale:.1f}" stroke="#555" stroke-width="2"/>')
     parts.append(f'<text x="{EMPTY_EDGE_PX}" y="{y - 4}">{bar_m} m</text>')
-    return _drawing_svg(MAP_SIZE_PX, MAP_SIZE_PX, label, "".join(parts))
+    return _svg_element_of_drawing(MAP_SIZE_PX, MAP_SIZE_PX, label, "".join(parts))
 
 
 def strip_svg(
@@ -144,7 +144,7 @@ def strip_svg(
         parts.append(f'<text x="{left - 4}" y="{y_px}" text-anchor="end">{_axis_number_text(value, high - low)}</text>')
     parts.append(f'<text x="{left}" y="{STRIP_HEIGHT_PX - 3}">{begin:.1f}</text>')
     parts.append(f'<text x="{right}" y="{STRIP_HEIGHT_PX - 3}" text-anchor="end">{end:.1f}</text>')
-    return _drawing_svg(STRIP_WIDTH_PX, STRIP_HEIGHT_PX, f"{title} over time", "".join(parts))
+    return _svg_element_of_drawing(STRIP_WIDTH_PX, STRIP_HEIGHT_PX, f"{title} over time", "".join(parts))
 
 
 def _axis_number_text(value: float, span: float) -> str:
@@ -152,7 +152,7 @@ def _axis_number_text(value: float, span: float) -> str:
     return f"{value:.0f}" if span >= 3.0 or value == 0.0 else f"{value:.2g}"
 
 
-def _drawing_svg(width_px: int, height_px: int, label: str, content: str) -> str:
+def _svg_element_of_drawing(width_px: int, height_px: int, label: str, content: str) -> str:
     """Return a drawing."""
     return f'<svg width="{width_px}" height="{height_px}" role="img" aria-label="{label}">{content}</svg>'
 

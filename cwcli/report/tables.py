@@ -9,7 +9,7 @@ from typing import Any
 
 from cwcli.digest.drive import Drive
 from cwcli.digest.encounters import DriveEncounters, Encounter
-from cwcli.digest.story import name_of_other, verdict_badge
+from cwcli.digest.story import badge_of_warning_verdict, name_of_other
 from cwcli.metrics.headline import find_metric
 from cwcli.report.source import LogEntry
 from cwcli.report.views import TableView
@@ -80,7 +80,7 @@ def all_warnings_table(
         nearest = f"{verdict.closest_m:.2f}" if verdict is not None and math.isfinite(verdict.closest_m) else "-"
         lead = f"{verdict.lead_time_s:.2f}" if verdict is not None and math.isfinite(verdict.lead_time_s) else "-"
         at = f"{(each.raised_ns - drive.start_ns) / NS_PER_S:.2f}"
-        rows.append((str(each.event_id), name_of_other(each), at, verdict_badge(each).text, lead, nearest))
+        rows.append((str(each.event_id), name_of_other(each), at, badge_of_warning_verdict(each).text, lead, nearest))
     columns = (
         ("warning", True),
         ("of", False),

@@ -131,7 +131,7 @@ class Finding:
     measured: MeasuredNumber
 
     @property
-    def reached_class(self) -> str:
+    def verdict_class_of_number(self) -> str:
         """The class that the number reaches, a key of `CLASS_MEANINGS`."""
         row, measured = self.expected, self.measured
         if row.paper_text:
@@ -164,7 +164,7 @@ class Finding:
     @property
     def has_failed(self) -> bool:
         """Whether a claimed class is not reached, or our own bound is violated."""
-        claim, reached = self.expected.claimed_class, self.reached_class
+        claim, reached = self.expected.claimed_class, self.verdict_class_of_number
         if not self._is_within_own_bound:
             return claim != DIFFERS
         may_be = {claim, BETTER} if claim in CLASSES_ON_PAPER_NUMBER else {claim}
@@ -173,7 +173,7 @@ class Finding:
     @property
     def differs_from_claim_without_failing(self) -> bool:
         """Whether the class differs from the claimed one without being a failure."""
-        return not self.has_failed and self.reached_class != self.expected.claimed_class
+        return not self.has_failed and self.verdict_class_of_number != self.expected.claimed_class
 
     @property
     def _is_within_own_bound(self) -> bool:

@@ -86,7 +86,7 @@ class PaperExpectations:
     reasons: Mapping[str, str]
     notes: tuple[str, ...] = ()
 
-    def expectation_of(self, figure: str, what: str) -> Expectation:
+    def expectation_of_number(self, figure: str, what: str) -> Expectation:
         """Return the expectation of a number.
 
         Raises:

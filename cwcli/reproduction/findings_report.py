@@ -67,7 +67,7 @@ def assemble_reproduction(
     expected = load_expectations(paper)
     names = [name for name in expected.figures if not only or name in only]
     findings = tuple(
-        Finding(expected.expectation_of(each.figure, each.what), each)
+        Finding(expected.expectation_of_number(each.figure, each.what), each)
         for name in names
         for part in parts
         for each in part.numbers
@@ -104,7 +104,7 @@ def exit_code_sentence(findings: Sequence[Finding]) -> str:
         for finding in findings
     )
     failed = [
-        f"{f.expected.figure}, {f.expected.what}: {f.reached_class} instead of {f.expected.claimed_class}"
+        f"{f.expected.figure}, {f.expected.what}: {f.verdict_class_of_number} instead of {f.expected.claimed_class}"
         for f in findings
         if f.has_failed
     ]
@@ -116,7 +116,8 @@ def exit_code_sentence(findings: Sequence[Finding]) -> str:
 def unclaimed_class_notes(findings: Sequence[Finding]) -> tuple[str, ...]:
     """Return a note for each number whose class differs from the claimed one without being a failure."""
     return tuple(
-        f"{f.expected.figure}, {f.expected.what}: {f.reached_class}, and {f.expected.claimed_class} was expected"
+        f"{f.expected.figure}, {f.expected.what}: {f.verdict_class_of_number}, "
+        f"and {f.expected.claimed_class} was expected"
         for f in findings
         if f.differs_from_claim_without_failing
     )
@@ -130,7 +131,7 @@ def findings_of_papers_own_method(findings: Sequence[Finding], figure: str) -> l
 def printed_numbers_sentence(findings: Sequence[Finding]) -> str:
     """Return the sentence that says how many printed numbers there are, and how many of each class."""
     printed = [f for f in findings if f.expected.is_printed and f.expected.group == GROUP_OF_PAPER_METHOD]
-    found = Counter(finding.reached_class for finding in printed)
+    found = Counter(finding.verdict_class_of_number for finding in printed)
     counts = ", ".join(f"{found[name]} {name}" for name in CLASS_MEANINGS if found[name])
     return f"{len(printed)} numbers and strings that the paper prints: {counts or 'none'}"
 
@@ -138,9 +139,11 @@ def printed_numbers_sentence(findings: Sequence[Finding]) -> str:
 def class_counts_table(findings: Sequence[Finding]) -> SummaryTable:
     """Count the findings of each class: of printed numbers, of what else the figures hold, and of the other groups."""
     own = [finding for finding in findings if finding.expected.group == GROUP_OF_PAPER_METHOD]
-    printed = Counter(finding.reached_class for finding in own if finding.expected.is_printed)
-    others = Counter(finding.reached_class for finding in own if not finding.expected.is_printed)
-    classes_of_findings = Counter(f.reached_class for f in findings if f.expected.group != GROUP_OF_PAPER_METHOD)
+    printed = Counter(finding.verdict_class_of_number for finding in own if finding.expected.is_printed)
+    others = Counter(finding.verdict_class_of_number for finding in own if not finding.expected.is_printed)
+    classes_of_findings = Counter(
+        f.verdict_class_of_number for f in findings if f.expected.group != GROUP_OF_PAPER_METHOD
+    )
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (name, printed[name], others[name], classes_of_findings[name], meaning)
         for name, meaning in CLASS_MEANINGS.items()
@@ -178,7 +181,7 @@ def findings_table(name: str, expected: PaperExpectations, findings: Sequence[Fi
             "low": np.array([measured.low for _, measured in rows], dtype=np.float64),
             "high": np.array([measured.high for _, measured in rows], dtype=np.float64),
             "tolerance": np.array([row.tolerance for row, _ in rows], dtype=np.float64),
-            "class": [f.reached_class for f in findings],
+            "class": [f.verdict_class_of_number for f in findings],
             "claim": [row.claimed_class for row, _ in rows],
             "has_failed": np.array([f.has_failed for f in findings], dtype=np.bool_),
             "fitted": [_fit_text(expected, row) for row, _ in rows],
@@ -211,7 +214,7 @@ def finding_cells(finding: Finding) -> tuple[Cell, ...]:
     if measured.text:
         ours = measured.text
     keys = ", ".join(key for key in (row.fit_key, row.assumption_key, row.reason_key) if key)
-    reached = finding.reached_class + (f" (claimed: {row.claimed_class})" if finding.has_failed else "")
+    reached = finding.verdict_class_of_number + (f" (claimed: {row.claimed_class})" if finding.has_failed else "")
     what = f"{row.what} [{row.unit}]" if row.unit else row.what
     return (what, printed or "-", ours, tolerance_text(row), reached, keys)
 

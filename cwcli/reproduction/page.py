@@ -74,7 +74,7 @@ def _format_groups(reproduction: Reproduction) -> list[str]:
     return parts
 
 
-def _shared_cell(table: SummaryTable, at: int) -> str:
+def _cell_shared_by_all_rows(table: SummaryTable, at: int) -> str:
     """Return the cell that all rows have in a column, "" if they differ."""
     cells = {str(row[at]) for row in table.rows}
     return cells.pop() if len(cells) == 1 else ""
@@ -86,7 +86,9 @@ def _format_grids(table: SummaryTable) -> list[str]:
     A case is what stands before the first colon. Cases with the same quantities share a table; a cell has our
     number, its tolerance and its keys.
     """
-    shared_class, shared_keys = (_shared_cell(table, table.columns.index(column)) for column in ("class", "why"))
+    shared_class, shared_keys = (
+        _cell_shared_by_all_rows(table, table.columns.index(column)) for column in ("class", "why")
+    )
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for row in table.rows:
         finding = {"figure": "", **dict(zip(table.columns, map(str, row), strict=True))}
@@ -115,7 +117,11 @@ def _classes_that_occur(counts: SummaryTable) -> SummaryTable:
 def _format_findings(table: SummaryTable) -> list[str]:
     """Format a table of findings; empty columns are left out, and a shared class or key stands above the table."""
     of_paper, of_class = (table.columns.index(column) for column in ("paper", "class"))
-    if len(table.rows) > 1 and {row[of_paper] for row in table.rows} == {"-"} and _shared_cell(table, of_class):
+    if (
+        len(table.rows) > 1
+        and {row[of_paper] for row in table.rows} == {"-"}
+        and _cell_shared_by_all_rows(table, of_class)
+    ):
         return _format_grids(table)
     shared, particular = [], []
     for at, column in enumerate(table.columns):

@@ -20,7 +20,7 @@ from cwcli.signals.columns import (
 )
 from cwcli.signals.leaf_fields import find_field, read_numbers, read_stamps
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, FieldMapping, Term
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
@@ -95,7 +95,9 @@ def add_quantities_of_channel(
     kinds = MAPPED_QUANTITIES_BY_ROLE[part.role].fields
     for name, each in values.items():
         turn = np.pi / 180.0 if kinds[name] == "place" else 1.0  # a longitude goes on from 180 to -180 degrees
-        at = resample(their_ns[order], turn * each[order], at_ns, max_gap_s=gap_s, is_angle=kinds[name] == "place")
+        at = interpolate_signal_at_times(
+            their_ns[order], turn * each[order], at_ns, max_gap_s=gap_s, is_angle=kinds[name] == "place"
+        )
         fields[name] = at / turn
     time = "the time of the messages" if is_by_stamp else "log time"
     note = f"{', '.join(values)} of {part.topic} ({len(columns)} messages), interpolated by {time}"

@@ -146,7 +146,7 @@ class RowLedger:
         self.quality.notes.append(text)
 
     @contextmanager
-    def part_ledger(self, rows: npt.NDArray[np.intp], columns: Columns) -> Iterator[RowLedger]:
+    def ledger_of_rows(self, rows: npt.NDArray[np.intp], columns: Columns) -> Iterator[RowLedger]:
         """Give a ledger of some rows, with columns of their own; afterwards its counts are added here."""
         inner = RowLedger(columns, self.quality.role)
         inner.keep = self.keep[rows]

@@ -19,7 +19,7 @@ MAX_NEIGHBOUR_DISTANCE_S = 0.5
 not fitted."""
 
 
-def resample(
+def interpolate_signal_at_times(
     stamp_ns: Int64Array,
     values: FloatArray,
     at_ns: Int64Array,
@@ -48,7 +48,9 @@ def resample(
     samples = np.asarray(values, dtype=np.float64)
     if samples.ndim == 2 and not (method == "linear" and len(samples) and np.isfinite(samples).all()):
         columns = [
-            resample(stamp_ns, samples[:, i], at_ns, max_gap_s=max_gap_s, method=method, is_angle=is_angle)
+            interpolate_signal_at_times(
+                stamp_ns, samples[:, i], at_ns, max_gap_s=max_gap_s, method=method, is_angle=is_angle
+            )
             for i in range(samples.shape[1])
         ]
         return np.stack(columns, axis=1) if columns else np.zeros((len(at_ns), 0))
@@ -60,7 +62,10 @@ def resample(
     after = np.searchsorted(stamps, at_ns, side="right")
     before = after - 1
     if method == "previous":
-        index, distance_ns = _clip_indices(before, stamps), at_ns - stamps[_clip_indices(before, stamps)]
+        index, distance_ns = (
+            _clip_to_neighbour_indices(before, stamps),
+            at_ns - stamps[_clip_to_neighbour_indices(before, stamps)],
+        )
         result = np.where((before >= 0) & (distance_ns <= max_gap_ns), samples[index], np.nan)
     elif method == "nearest":
         index = _nearest_sample_indices(stamps, at_ns, before)
@@ -79,7 +84,7 @@ def _interpolate_linearly(
     *,
     is_angle: bool,
 ) -> FloatArray:
-    left, right = _clip_indices(before, stamps), _clip_indices(before + 1, stamps)
+    left, right = _clip_to_neighbour_indices(before, stamps), _clip_to_neighbour_indices(before + 1, stamps)
     gap_ns = stamps[right] - stamps[left]
     since_ns = at_ns - stamps[left]
     is_exact = (before >= 0) & (since_ns == 0)
@@ -97,11 +102,11 @@ def _interpolate_linearly(
 def _nearest_sample_indices(
     stamps: Int64Array, at_ns: Int64Array, before: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.intp]:
-    left, right = _clip_indices(before, stamps), _clip_indices(before + 1, stamps)
+    left, right = _clip_to_neighbour_indices(before, stamps), _clip_to_neighbour_indices(before + 1, stamps)
     return np.where(np.abs(stamps[right] - at_ns) < np.abs(at_ns - stamps[left]), right, left)
 
 
-def _clip_indices(index: npt.NDArray[np.intp], stamps: Int64Array) -> npt.NDArray[np.intp]:
+def _clip_to_neighbour_indices(index: npt.NDArray[np.intp], stamps: Int64Array) -> npt.NDArray[np.intp]:
     return np.clip(index, 0, len(stamps) - 1)
 
 

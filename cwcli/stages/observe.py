@@ -94,7 +94,7 @@ class ObserveConfig(StatesSelection):
             object.__setattr__(self, "load", None)
 
     @property
-    def named_vehicle(self) -> Vehicle | None:
+    def vehicle_named_by_user(self) -> Vehicle | None:
         """The car, if one was named."""
         assert not isinstance(self.vehicle, str), "it is read at once"
         return self.vehicle
@@ -147,7 +147,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     inputs = choose_observer_inputs(sources, ego_state, use_gyro=config.use_gyro, use_steer=config.use_steer)
     if inputs.speed is None:
         raise _no_speed_error(log, config)
-    vehicle = config.named_vehicle or load_vehicle()
+    vehicle = config.vehicle_named_by_user or load_vehicle()
     track = observe_lateral(
         lanes.samples,
         inputs.speed,

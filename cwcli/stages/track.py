@@ -25,7 +25,7 @@ from cwcli.signals.columns import Int64Array, sort_distinct_values
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
-from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, bounds_cell
+from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, cell_of_low_and_high_bound
 from cwcli.tracking.association import default_clutter_density
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionCounts, DetectionKind, EgoStates, SensorModel
@@ -289,8 +289,8 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
 def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:
     """Return the cells for the normalised innovation squared, its bounds and whether it lies within them."""
     if check is None or not check.dof > 0.0:
-        return None, bounds_cell(np.nan, np.nan), NIS_CELL_BY_CONSISTENCY[None]
-    bounds = bounds_cell(check.low / check.dof, check.high / check.dof)
+        return None, cell_of_low_and_high_bound(np.nan, np.nan), NIS_CELL_BY_CONSISTENCY[None]
+    bounds = cell_of_low_and_high_bound(check.low / check.dof, check.high / check.dof)
     return check.nis_mean / check.dof, bounds, NIS_CELL_BY_CONSISTENCY[check.is_within_bounds]
 
 

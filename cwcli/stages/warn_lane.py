@@ -97,7 +97,9 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
         InputMessageCount(lanes_topic, LANES.role, len(lanes), len(mine), set_aside=set_aside),
     )
     tables = (result.events, result.series)
-    outcome = RuleOutcome(LANE_DEPARTURE_RULE_NAME, result.rows, tables, _departures_tables(result, log.start_ns))
+    outcome = RuleOutcome(
+        LANE_DEPARTURE_RULE_NAME, result.rows, tables, _lane_departure_and_frame_tables(result, log.start_ns)
+    )
     return build_warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))[0]
 
 
@@ -135,7 +137,7 @@ def _spread_paths_over_frames(
     return Paths(time_s, *(fill_rows_with_paths(part) for part in parts))
 
 
-def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[SummaryTable, ...]:
+def _lane_departure_and_frame_tables(result: LaneDepartureResult, start_ns: int) -> tuple[SummaryTable, ...]:
     """Return the tables of the lane departures and of what became of the frames."""
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (

@@ -166,7 +166,7 @@ def track_many_targets(
         notes.append(f"{found.n_refused} possible new targets refused: {config.max_tracks} tracks at a time")
     return TrackResult(
         tuple(tracks), "map" if prepared.has_ego else "body", prepared.rows.sources, prepared.counts,
-        _pooled_consistency(prepared.rows.sources, pool), config.single.motion_model.states, tuned,
+        _consistency_by_source_over_tracks(prepared.rows.sources, pool), config.single.motion_model.states, tuned,
         found.clutter_density, tuple(notes),
     )  # fmt: skip
 
@@ -209,7 +209,7 @@ def _filter_one_track_with_rows_and_output(
     return track, (rows.source, output)
 
 
-def _pooled_consistency(
+def _consistency_by_source_over_tracks(
     sources: tuple[str, ...], pool: Sequence[tuple[Int64Array, FilterOutput]]
 ) -> dict[str, NisConsistency]:
     """NIS consistency of each source over all tracks."""

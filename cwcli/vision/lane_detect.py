@@ -171,7 +171,7 @@ def half_widths_of_two_widened_evidences_px(width_px: int) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=8)
-def _stripe_settings(stretch: float, *, is_joint: bool = False) -> lane_stripes.Stripe:
+def _stripe_kernel_settings(stretch: float, *, is_joint: bool = False) -> lane_stripes.Stripe:
     """Settings with which the kernel finds stripes, or joints, for a camera of this fx / fy."""
     inner, gap, side = (
         stretch * each
@@ -214,8 +214,8 @@ def measure_stripe_evidence(
         np.ascontiguousarray(grey),
         rows,
         horizon_px,
-        _stripe_settings(pinhole.focal_length_ratio),
-        _stripe_settings(pinhole.focal_length_ratio, is_joint=True),
+        _stripe_kernel_settings(pinhole.focal_length_ratio),
+        _stripe_kernel_settings(pinhole.focal_length_ratio, is_joint=True),
         joint_weight=JOINT_WEIGHT if with_joints else 0.0,
         joint_reach=MAX_JOINT_DISTANCE_IN_CAMERA_HEIGHTS * pinhole.focal_length_ratio,
         reach=reach,

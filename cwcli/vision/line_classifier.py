@@ -46,7 +46,7 @@ class _LineVotes:
     doubles: dict[bool, float] = field(default_factory=dict)
     colours: dict[LineColour, float] = field(default_factory=dict)
 
-    def fade_votes(self, dt_s: float) -> None:
+    def fade_votes_by_time_step(self, dt_s: float) -> None:
         """Let the votes so far fade for a time step."""
         kept_share = math.exp(-dt_s / KIND_VOTE_DECAY_TIME_S)
         self.kinds = {kind: kept_share * votes for kind, votes in self.kinds.items()}
@@ -135,7 +135,7 @@ class LineClassifier:
             colours = classify_line_colours(frame.colour, evidence, lane)
         sides = zip((fit.left, fit.right), self._votes, seen, colours, strict=True)
         for side, votes, line, colour in sides:
-            votes.fade_votes(since_s)
+            votes.fade_votes_by_time_step(since_s)
             if side.found:
                 votes.add_frame_votes(line, colour)
         self._update_kinds_and_colours()

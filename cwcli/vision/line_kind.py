@@ -79,7 +79,7 @@ class LineStretch:
     n_rows: int
 
     @property
-    def min_length(self) -> float:
+    def min_length_in_lane_widths(self) -> float:
         """Least length that the stretch may have, in lane widths: its first and last row may show what lies in the next
         one."""
         return self.length * max(self.n_rows - 2, 0) / self.n_rows
@@ -127,7 +127,7 @@ def classify_line_kind(is_row_painted: Sequence[bool], row_lengths_lane_widths: 
         return LineKind.SOLID
     n_fine = bisect_right(row_lengths_lane_widths, MAX_DOT_ROW_LENGTH_WIDTHS)
     n_dots = _count_raised_dots(split_into_stretches(is_row_painted[:n_fine], row_lengths_lane_widths[:n_fine]))
-    has_dash = any(each.is_painted and each.min_length >= MIN_DASH_LENGTH_WIDTHS for each in whole)
+    has_dash = any(each.is_painted and each.min_length_in_lane_widths >= MIN_DASH_LENGTH_WIDTHS for each in whole)
     if n_dots >= (2 if has_dash else 1):  # far away, four dots at arm's length look like a dash
         return LineKind.DOTS
     if has_dash and any(not each.is_painted and each.length >= MIN_GAP_LENGTH_WIDTHS for each in whole[:-1]):
@@ -163,7 +163,7 @@ def fill_worn_holes(line: Sequence[LineStretch]) -> list[LineStretch]:
 
 def _count_raised_dots(line: Sequence[LineStretch]) -> int:
     """Number of blobs with bare road on both sides that a line shows; 0 if it shows anything else."""
-    if any(each.is_painted and each.min_length > MAX_DOT_LENGTH_WIDTHS for each in line):
+    if any(each.is_painted and each.min_length_in_lane_widths > MAX_DOT_LENGTH_WIDTHS for each in line):
         return 0
     return sum(
         each.is_painted and min(before.length, after.length) > MAX_DOT_LENGTH_WIDTHS

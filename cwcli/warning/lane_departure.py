@@ -336,7 +336,7 @@ def _departure_events_table(
 ) -> Table:
     """The table with one row per event."""
 
-    def at_raise(name: str) -> FloatArray:
+    def values_when_raised(name: str) -> FloatArray:
         return np.array([float(getattr(sides[at], name)[span.raised]) for _, at, span in events], dtype=np.float64)
 
     def to_stamps(values: list[int]) -> Int64Array:
@@ -351,7 +351,7 @@ def _departure_events_table(
 
     raised_ns, last_ns, cleared_ns = raised_last_and_cleared_ns(known_ns)
     raised_stamp_ns, last_stamp_ns, cleared_stamp_ns = raised_last_and_cleared_ns(stamp_ns)
-    gap, rate = at_raise("gap_m"), at_raise("rate_mps")
+    gap, rate = values_when_raised("gap_m"), values_when_raised("rate_mps")
     columns: dict[str, Any] = {
         "event_id": to_stamps([number for number, _, _ in events]),
         "rule": [LANE_DEPARTURE_RULE_NAME] * len(events),
@@ -364,12 +364,12 @@ def _departure_events_table(
         "raised_stamp_ns": raised_stamp_ns,
         "last_held_stamp_ns": last_stamp_ns,
         "cleared_stamp_ns": cleared_stamp_ns,
-        "time_to_line_crossing_s": at_raise("crossing_s"),
+        "time_to_line_crossing_s": values_when_raised("crossing_s"),
         "gap_m": gap,
         "departure_rate_mps": rate,
         "earliest_line_m": earliest_warning_line_m(rate),
         "latest_line_m": np.full(len(events), LATEST_WARNING_LINE_OF_CARS_M),
-        "probability": at_raise("probability"),
+        "probability": values_when_raised("probability"),
     }
     docs = {
         "raised_ns": ColumnDoc(doc="when the warning could be given"),

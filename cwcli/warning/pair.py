@@ -238,12 +238,12 @@ def _join_windows(
     off = [kind for kind, is_on in is_kind_on.items() if not is_on]
     trusted_warnings = leave_out_raised_warnings(trusted, np.isin(kinds, off)) if kinds.any() else trusted
 
-    def spans_of(each: Decision) -> list[EventSpan]:
+    def event_spans_of_pair(each: Decision) -> list[EventSpan]:
         timing = EventTiming(host.stamp_ns, persistence_s, config.hold_off_s)
         return find_events(stamp_ns, each.armed, each.raised, each.held, at_once=each.at_once, timing=timing)
 
-    spans, spans_of_all = spans_of(trusted_warnings), spans_of(decision)
-    spans_of_trusted = spans if trusted_warnings is trusted else spans_of(trusted)
+    spans, spans_of_all = event_spans_of_pair(trusted_warnings), event_spans_of_pair(decision)
+    spans_of_trusted = spans if trusted_warnings is trusted else event_spans_of_pair(trusted)
     return PairEvaluation(
         other=other,
         stamp_ns=stamp_ns,

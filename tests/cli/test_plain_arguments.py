@@ -15,7 +15,7 @@ import pytest
 from cwcli.cli.app import load_command
 from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.load import load_command_function_and_examples
-from cwcli.cli.options.lazy_typer import declaration_of
+from cwcli.cli.options.lazy_typer import find_declaration_in_type_hint
 from cwcli.cli.plain_arguments import parse_plain_arguments
 
 NAMES = [name for name in HELP_LINE_BY_COMMAND if name != "config"]
@@ -51,7 +51,7 @@ def command_lines(name: str) -> list[list[str]]:
     lines = [[], ["a.mcap"], ["a.mcap", "b.mcap"], ["-", "--json"], ["--json", "a.mcap", "-q"], ["a.mcap", "--jsn"]]
     lines += [["a.mcap", "--", "b.mcap"], ["a.mcap", "-qf"], ["a.mcap", "-oout.mcap"], ["a.mcap", "--quiet=1"]]
     for parameter in inspect.signature(function).parameters.values():
-        declaration = declaration_of(parameter.annotation)
+        declaration = find_declaration_in_type_hint(parameter.annotation)
         assert declaration is not None
         kind = get_args(parameter.annotation)[0]
         for flag in [part for flags in declaration.flags for part in flags.split("/")]:

@@ -19,7 +19,7 @@ from pyubx2 import UBXReader
 
 from cwcli.importing.readers.delimited import find_separator_names_and_units
 from cwcli.importing.tables import SourceTable
-from cwcli.importing.text_file import decode_head, read_head
+from cwcli.importing.text_file import decode_text_head, read_head
 from cwcli.signals.can import NO_VALUE_NAME_PATTERN
 
 Row = tuple[Any, ...]
@@ -160,7 +160,7 @@ def with_ubx_checksums(data: bytes) -> bytes:
 
 def csv_rows(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
     """Read the rows by Python's csv; the layout is what cwcli finds."""
-    head = decode_head(read_head(paths[0]))
+    head = decode_text_head(read_head(paths[0]))
     assert head is not None
     layout = find_separator_names_and_units(head, "")
     try:

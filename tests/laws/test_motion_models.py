@@ -59,7 +59,7 @@ def test_path_starts_at_the_state(name: str) -> None:
 
 def jacobian_of_path_xy_to_start_state(model: str, state: StateRows, settings: RolloutSettings) -> FloatArray:
     """Derivative of every predicted (x, y) with respect to the start state, shape (n, k, 2, 8)."""
-    chosen, prior = _require_model(model, settings.discretisation), settings.used_prior
+    chosen, prior = _require_model(model, settings.discretisation), settings.driver_prior_of_settings
     trust = chosen.trust(state, None, prior) * np.array(chosen.uses)
     start = _scale_derivatives_by_trust(state, trust)
     jacobian = integrate_paths(chosen, start, settings.time_s, prior, settings.discretisation).jacobian

@@ -93,10 +93,10 @@ def test_every_class_is_earned(paper: str) -> None:
     assert not made.failed_findings
     assert unclaimed_class_notes(made.findings) == ()
     for finding in made.findings:
-        row, reached = finding.expected, finding.reached_class
+        row, reached = finding.expected, finding.verdict_class_of_number
         assert reached == row.claimed_class, row
         for planted in planted_deviations(finding):
-            assert planted.reached_class != reached, planted
+            assert planted.verdict_class_of_number != reached, planted
 
 
 def planted_deviations(finding: Finding) -> list[Finding]:
@@ -104,7 +104,7 @@ def planted_deviations(finding: Finding) -> list[Finding]:
     row, number = finding.expected, finding.measured
     if row.paper_text:
         return [Finding(row, replace(number, text=number.text[::-1] + "1"))]
-    if finding.reached_class in {REPRODUCED, FITTED, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND}:
+    if finding.verdict_class_of_number in {REPRODUCED, FITTED, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND}:
         low = max(row.at_least, -math.inf if row.paper_range is None else row.paper_range[0] - row.tolerance)
         high = min(row.at_most, math.inf if row.paper_range is None else row.paper_range[1] + row.tolerance)
         off = 0.01 * max(abs(number.ours), 1e-3)
@@ -113,17 +113,17 @@ def planted_deviations(finding: Finding) -> list[Finding]:
             for end in (low - off, high + off)
             if math.isfinite(end)
         ]
-    if finding.reached_class == BETTER:
+    if finding.verdict_class_of_number == BETTER:
         assert row.paper_range is not None
         paper = row.paper_range[0] if row.better_direction == "lower" else row.paper_range[1]
         return [
             Finding(row, replace(number, ours=paper, low=paper, high=paper)),
             Finding(replace(row, group="smoother"), number),
         ]
-    if finding.reached_class == DIFFERS:
+    if finding.verdict_class_of_number == DIFFERS:
         paper = sum(row.paper_range) / 2 if row.paper_range is not None else max(row.at_least, row.at_most)
         return [Finding(row, replace(number, ours=paper, low=paper, high=paper))] if math.isfinite(paper) else []
-    if finding.reached_class == NOT_DETERMINABLE:
+    if finding.verdict_class_of_number == NOT_DETERMINABLE:
         return [Finding(replace(row, is_comparable=True), number)]
     return [Finding(replace(row, paper_range=(number.ours, number.ours)), number)]
 
@@ -244,7 +244,7 @@ def test_the_class_follows_from_the_number(
     row: Expectation, ours: tuple[float, float, float], reached: str, has_failed: bool
 ) -> None:
     finding = Finding(row, MeasuredNumber(row.figure, row.what, *ours))
-    assert (finding.reached_class, finding.has_failed) == (reached, has_failed)
+    assert (finding.verdict_class_of_number, finding.has_failed) == (reached, has_failed)
 
 
 def test_the_note_tells_the_exit_code_and_why() -> None:
@@ -284,7 +284,7 @@ def test_a_tolerance_that_reaches_another_printed_number_is_refused() -> None:
 def test_a_printed_string_is_reproduced_letter_by_letter() -> None:
     row = Expectation("eq 5", "string", "", REPRODUCED, paper_text="0110")
     classes = [Finding(row, MeasuredNumber("eq 5", "string", NAN, text=text)) for text in ("0110", "0111", "")]
-    assert [each.reached_class for each in classes] == [REPRODUCED, DIFFERS, DIFFERS]
+    assert [each.verdict_class_of_number for each in classes] == [REPRODUCED, DIFFERS, DIFFERS]
     assert [each.has_failed for each in classes] == [False, True, True]
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from cwcli.control.closed_loop import fuzzy_controller_throttle_and_pressure, replay_with_policy
 from cwcli.reproduction.song2016.control import true_recorded_motion
-from cwcli.reproduction.song2016.estimation import table1_part
+from cwcli.reproduction.song2016.estimation import reproduce_table_1_of_scenario
 from cwcli.reproduction.song2016.methods import measure_vehicle
 from cwcli.reproduction.song2016.prediction import MIN_PREDICTION_START_S, compute_prediction_errors
 from cwcli.reproduction.song2016.sensitivity import paper_warning_times_s
@@ -40,7 +40,7 @@ def test_the_own_computations_share_no_code(name: str) -> None:
 @pytest.mark.parametrize("drive", ["straight", "curve"])
 def test_table_1_of_the_papers_filter(drive: str) -> None:
     """Number 1 and 2: every row of table 1 by a filter with full matrices."""
-    found = {each.what: each.ours for each in table1_part(drive, 2, lambda: None).numbers}
+    found = {each.what: each.ours for each in reproduce_table_1_of_scenario(drive, 2, lambda: None).numbers}
     changes: dict[str, list[float]] = {}
     for seed in range(2):
         run = measure_vehicle(load_scenario(drive), HOST_NAME, seed)

@@ -6,7 +6,7 @@ Table 1 is in `test_song2016_table1.py`.
 import numpy as np
 import pytest
 
-from cwcli.estimation.song2016 import SAMPLING_TIME_S, trailing_slope
+from cwcli.estimation.song2016 import SAMPLING_TIME_S, least_squares_slope_of_last_samples
 from cwcli.pipeline.result import SummaryTable
 from cwcli.reproduction.classes import DIFFERS, FITTED, NOT_DETERMINABLE, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
@@ -26,7 +26,7 @@ from cwcli.reproduction.song2016.reproduce import (
     format_seed_note,
     reproduce_song2016,
 )
-from cwcli.reproduction.song2016.sensitivity import sensitivity_part
+from cwcli.reproduction.song2016.sensitivity import moment_bands_over_variants
 from cwcli.reproduction.song2016.warning import (
     TRAP_SCENARIOS,
     WarningMoments,
@@ -56,11 +56,13 @@ def moments(request: pytest.FixtureRequest) -> tuple[str, WarningMoments]:
 
 def findings(part: StudyPart) -> list[Finding]:
     expected = load_expectations("song2016")
-    return [Finding(expected.expectation_of(each.figure, each.what), each) for each in part.numbers]
+    return [Finding(expected.expectation_of_number(each.figure, each.what), each) for each in part.numbers]
 
 
 def failed(part: StudyPart) -> list[str]:
-    return [f"{f.expected.what}: {f.measured.ours} is {f.reached_class}" for f in findings(part) if f.has_failed]
+    return [
+        f"{f.expected.what}: {f.measured.ours} is {f.verdict_class_of_number}" for f in findings(part) if f.has_failed
+    ]
 
 
 def finding_of(part: StudyPart, what: str) -> Finding:
@@ -82,7 +84,7 @@ def test_the_claimed_classes_of_the_warnings_are_reached(moments: tuple[str, War
     assert failed(part) == []
     # Rear-end: two families and their order; intersection: the ideal moment, three families and their order.
     fitted = {"rear-end": 3, "intersection": 5}[moments[0]]
-    assert sum(each.reached_class == FITTED for each in findings(part)) == fitted
+    assert sum(each.verdict_class_of_number == FITTED for each in findings(part)) == fitted
     assert [plot.figure for plot in part.plots] == (
         ["fig 9", "fig 8"] if moments[0] == "rear-end" else ["fig 11", "fig 10"]
     )
@@ -107,14 +109,16 @@ def test_the_seed_that_is_shown_warns_in_every_family(moments: tuple[str, Warnin
 def test_control_comes_out_as_in_the_paper(moments: tuple[str, WarningMoments]) -> None:
     part = braking_control_part(*moments)
     assert failed(part) == []
-    assert sum(each.reached_class == FITTED for each in findings(part)) == (4 if moments[0] == "rear-end" else 1)
+    assert sum(each.verdict_class_of_number == FITTED for each in findings(part)) == (
+        4 if moments[0] == "rear-end" else 1
+    )
 
 
 @pytest.mark.parametrize("name", ["straight", "curve"])
 def test_order_of_the_families_in_figures_3_and_5(name: str) -> None:
     part = prediction_errors_part(name, compute_prediction_errors(name, SEEDS, nothing))
     assert failed(part) == []
-    assert sum(each.reached_class == FITTED for each in findings(part)) == 2  # mean and maximum
+    assert sum(each.verdict_class_of_number == FITTED for each in findings(part)) == 2  # mean and maximum
 
 
 @pytest.mark.parametrize("name", TRAP_SCENARIOS)
@@ -127,7 +131,7 @@ def test_class_of_a_trap_follows_from_the_count(ours: int, reached: str) -> None
     part = false_warning_trap_part("following", {"cwcli": ours, "song2016": 3}, 20)
     finding = finding_of(part, "following: warnings in a hundred runs, our default")
     assert finding.measured.ours == 5.0 * ours
-    assert (finding.reached_class, finding.has_failed) == (reached, ours > 0)
+    assert (finding.verdict_class_of_number, finding.has_failed) == (reached, ours > 0)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +159,7 @@ def test_class_of_our_warning_follows_from_the_distance_to_the_ideal(
     )
     part = warning_moments_part("rear-end", moments)
     finding = finding_of(part, "rear-end: our default farther from the ideal moment than jerk by")
-    assert (finding.reached_class, finding.has_failed) == (reached, is_failure)
+    assert (finding.verdict_class_of_number, finding.has_failed) == (reached, is_failure)
 
 
 @pytest.mark.parametrize(
@@ -165,11 +169,11 @@ def test_class_of_figure_7_follows_from_its_number(largest_m: float, reached: st
     horizons = {2.1: np.ones(3), 2.5: np.ones(3), 2.9: np.full(3, largest_m)}
     part = prediction_horizons_part(PredictionErrors(np.zeros(0), {}, {}, {}, horizons, {}))
     finding = finding_of(part, "straight: largest error of constant jerk, 2.9 s ahead")
-    assert (finding.reached_class, finding.has_failed) == (reached, False)  # it is claimed to differ
+    assert (finding.verdict_class_of_number, finding.has_failed) == (reached, False)  # it is claimed to differ
 
 
 def test_the_bands_hold_the_moments_as_chosen_and_move_with_the_braking() -> None:
-    part, section = sensitivity_part("rear-end", 2)
+    part, section = moment_bands_over_variants("rear-end", 2)
     bands = {each.what: each for each in part.numbers}
     jerk = bands["rear-end: band over the choices, warning, constant jerk, median"]
     assert jerk.low < jerk.ours < jerk.high
@@ -181,15 +185,15 @@ def test_the_bands_hold_the_moments_as_chosen_and_move_with_the_braking() -> Non
 
 def test_trailing_slope_of_a_line_is_its_slope() -> None:
     values = 3.0 + 2.0 * SAMPLING_TIME_S * np.arange(20.0)
-    slope = trailing_slope(values, 8)
+    slope = least_squares_slope_of_last_samples(values, 8)
     np.testing.assert_allclose(slope[7:], 2.0)
     np.testing.assert_array_equal(slope[:7], 0.0)
 
 
 def test_trailing_slope_looks_back_only() -> None:
     values = np.where(np.arange(20) < 10, 0.0, 1.0)
-    assert np.all(trailing_slope(values, 4)[:10] == 0.0)
-    assert trailing_slope(values, 4)[10] > 0.0
+    assert np.all(least_squares_slope_of_last_samples(values, 4)[:10] == 0.0)
+    assert least_squares_slope_of_last_samples(values, 4)[10] > 0.0
 
 
 def test_first_below_by_hand() -> None:

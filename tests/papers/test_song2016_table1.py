@@ -7,7 +7,12 @@ import pytest
 
 from cwcli.reproduction.classes import BETTER, DIFFERS, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
-from cwcli.reproduction.song2016.estimation import ESTIMATOR_LABELS, QUANTITY_LABELS, table1_error_rows, table1_part
+from cwcli.reproduction.song2016.estimation import (
+    ESTIMATOR_LABELS,
+    QUANTITY_LABELS,
+    reproduce_table_1_of_scenario,
+    table1_error_rows,
+)
 from cwcli.reproduction.song2016.methods import measure_vehicle
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
 
@@ -22,8 +27,8 @@ def findings() -> dict[str, dict[tuple[str, str], Finding]]:
     expected = load_expectations("song2016")
     for scenario in ("straight", "curve"):
         by_text = {
-            each.what: Finding(expected.expectation_of("table 1", each.what), each)
-            for each in table1_part(scenario, N_SEEDS, lambda: None).numbers
+            each.what: Finding(expected.expectation_of_number("table 1", each.what), each)
+            for each in reproduce_table_1_of_scenario(scenario, N_SEEDS, lambda: None).numbers
         }
         assert not [what for what, finding in by_text.items() if finding.has_failed]
         found[scenario] = {
@@ -34,7 +39,9 @@ def findings() -> dict[str, dict[tuple[str, str], Finding]]:
             for quantity in QUANTITY_LABELS
         }
         levels = [finding for what, finding in by_text.items() if "change" not in what]
-        assert [finding.reached_class for finding in levels] == [FOLLOWS_FROM_INPUT] * 5 + [BETTER] * 3 + [DIFFERS] * 2
+        assert [finding.verdict_class_of_number for finding in levels] == [FOLLOWS_FROM_INPUT] * 5 + [BETTER] * 3 + [
+            DIFFERS
+        ] * 2
         assert len(by_text) == len(found[scenario]) + 10 == 30
     return found
 
@@ -48,7 +55,9 @@ def test_smoother_reduces_every_row_at_least_as_much_as_the_paper(
 ) -> None:
     """The upper end of the interval over the seeds, not only the mean."""
     row = findings["straight"]["smoothed", quantity]
-    assert row.expected.claimed_class == row.reached_class == WITHIN_OWN_BOUND  # it is not causal, so never "better"
+    assert (
+        row.expected.claimed_class == row.verdict_class_of_number == WITHIN_OWN_BOUND
+    )  # it is not causal, so never "better"
     assert row.measured.high <= paper_percent
 
 

@@ -210,10 +210,11 @@ def test_classes_sentence_and_exit_code_follow_from_the_numbers(
     tables = flipped(tables, table, columns)
     expected = load_expectations("xiang2019")
     made = [
-        Finding(expected.expectation_of(each.figure, each.what), each) for each in measured_numbers_of_tables(tables)
+        Finding(expected.expectation_of_number(each.figure, each.what), each)
+        for each in measured_numbers_of_tables(tables)
     ]
     [found] = [each for each in made if f"{each.expected.figure}, {each.expected.what}" == row]
-    assert found.reached_class == reached
+    assert found.verdict_class_of_number == reached
     assert found.has_failed <= is_failure
     monkeypatch.setattr(report, "compute_tables", lambda n_seeds, progress, names: tables)
     code = run_command_line(["reproduce", "xiang2019"])

@@ -33,7 +33,7 @@ CAR = load_vehicle()
 
 def findings(part: StudyPart) -> dict[str, Finding]:
     expected = load_expectations("zhang2011")
-    made = [Finding(expected.expectation_of(each.figure, each.what), each) for each in part.numbers]
+    made = [Finding(expected.expectation_of_number(each.figure, each.what), each) for each in part.numbers]
     assert [
         f"{each.expected.what}: {each.measured.ours:.4g}"
         for each in made
@@ -44,15 +44,19 @@ def findings(part: StudyPart) -> dict[str, Finding]:
 
 def test_the_worked_example() -> None:
     found = findings(worked_example_part())
-    assert found["eq 13, f(v) - 1 over v^2, half load"].reached_class == REPRODUCED
+    assert found["eq 13, f(v) - 1 over v^2, half load"].verdict_class_of_number == REPRODUCED
     for state in ("v_y", "gamma", "y_L", "e_L"):
-        assert found[f"eq 22, blend of the two printed observers: {state}"].reached_class == FOLLOWS_FROM_INPUT
+        assert (
+            found[f"eq 22, blend of the two printed observers: {state}"].verdict_class_of_number == FOLLOWS_FROM_INPUT
+        )
     for state, reached in (("v_y", FITTED), ("gamma", FITTED), ("y_L", DIFFERS), ("e_L", DIFFERS)):
-        assert found[f"eq 22, car at 88 km/h: {state}"].reached_class == reached
-    assert found["eq 22, observer of 80 km/h at 88 km/h: v_y"].reached_class == DIFFERS
+        assert found[f"eq 22, car at 88 km/h: {state}"].verdict_class_of_number == reached
+    assert found["eq 22, observer of 80 km/h at 88 km/h: v_y"].verdict_class_of_number == DIFFERS
     for speed in (80, 90):
         for source in ("y_L", "e_L"):
-            classes = [found[f"eq 17, K_{speed}: {state} from {source}"].reached_class for state in STATE_NAMES]
+            classes = [
+                found[f"eq 17, K_{speed}: {state} from {source}"].verdict_class_of_number for state in STATE_NAMES
+            ]
             # Printed zeros, by a reading of R1 that was chosen for them; a near-deadbeat predictor.
             assert classes == [FITTED, FITTED, DIFFERS, DIFFERS]
         printed = found[f"eq 17, {speed} km/h: largest pole of the predictor of y_L and e_L, gain printed"]
@@ -69,7 +73,7 @@ def test_the_tables_and_the_worked_examples_of_the_search() -> None:
     found = findings(printed_tables_part())
     bits = [each.measured.ours for name, each in found.items() if name.startswith("table 3")]
     assert bits == [7, 8, 8, 23, 6, 7, 7, 20, 5, 5, 5, 15]
-    assert [found[f"eq 5, worked example: {letter}"].reached_class for letter in "abc"] == [REPRODUCED] * 3
+    assert [found[f"eq 5, worked example: {letter}"].verdict_class_of_number for letter in "abc"] == [REPRODUCED] * 3
 
 
 @pytest.mark.parametrize("figure", PAPER_RUNS)
@@ -77,7 +81,7 @@ def test_simulated_runs(figure: str) -> None:
     part = simulated_run_part(figure)
     found = findings(part)
     if figure == "fig 16":
-        assert found["fig 16, zhang2011, told half load: static error of v_y"].reached_class == DIFFERS
+        assert found["fig 16, zhang2011, told half load: static error of v_y"].verdict_class_of_number == DIFFERS
         assert found["fig 16, zhang2011, told half load: static error of v_y"].measured.ours == pytest.approx(
             22.4, abs=0.1
         )
@@ -90,7 +94,7 @@ def test_simulated_runs(figure: str) -> None:
         # The paper's bound is of v_y alone (section 4.1).
         gamma = found["fig 16, zhang2011: static error of gamma"]
         assert not gamma.expected.is_printed
-        assert gamma.reached_class == WITHIN_OWN_BOUND
+        assert gamma.verdict_class_of_number == WITHIN_OWN_BOUND
 
 
 @pytest.mark.parametrize("start", ["turning", "straight"])
@@ -136,7 +140,7 @@ def test_the_linear_runs_are_exact() -> None:
 
 @pytest.mark.parametrize("figure", DRIVE_BY_FIGURE)
 def test_drives(figure: str) -> None:
-    assert {each.reached_class for each in findings(drive_errors_part(figure, 3)).values()} == {
+    assert {each.verdict_class_of_number for each in findings(drive_errors_part(figure, 3)).values()} == {
         "within own bound",
         NOT_IN_PAPER,
     }

@@ -16,7 +16,11 @@ from itertools import product
 
 import numpy as np
 
-from cwcli.estimation.song2016 import SAMPLING_TIME_S, filtered_states_and_covariances_of_matrix, trailing_slope
+from cwcli.estimation.song2016 import (
+    SAMPLING_TIME_S,
+    filtered_states_and_covariances_of_matrix,
+    least_squares_slope_of_last_samples,
+)
 from cwcli.reproduction.song2016.fitted_noise import PRINTED_NOISE_SIGMAS
 from cwcli.reproduction.song2016.methods import MODEL_BY_FAMILY, PREDICTION_HORIZON_S, paper_predicted_points_m
 from cwcli.reproduction.song2016.warning import COLLISION_CENTRE_DISTANCE_M, first_time_below_s
@@ -77,7 +81,13 @@ def moments_s(coast: tuple[float, float], brake: tuple[float, float, float]) -> 
 def _filtered(truth: FloatArray) -> FloatArray:
     """Run the paper's filter on exact measurements and append its slopes, shape (n, 8)."""
     states, _ = filtered_states_and_covariances_of_matrix(truth, tuple(PRINTED_NOISE_SIGMAS))
-    return np.column_stack([states[:, :6], trailing_slope(states[:, 4]), trailing_slope(states[:, 5])])
+    return np.column_stack(
+        [
+            states[:, :6],
+            least_squares_slope_of_last_samples(states[:, 4]),
+            least_squares_slope_of_last_samples(states[:, 5]),
+        ]
+    )
 
 
 def profiles() -> list[tuple[tuple[float, float], tuple[float, float, float]]]:

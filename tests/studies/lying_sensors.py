@@ -204,7 +204,7 @@ def is_named(fault: Fault, track: Track) -> bool:
     doubts = [note for note in track.notes if DOUBT_WORDS in note]
     if len({r.source for r in track.sources if r.n_used}) > 2:
         track = replace(track, notes=tuple(note for note in track.notes if note not in doubts))
-    of_two = [c for c in track.contradictions if "no third source tells" in c.consequence_text]
+    of_two = [c for c in track.contradictions if "no third source tells" in c.votes_and_left_out_sources_text]
     if of_two and fault.kind in (Kind.POSITION, Kind.IMU):
         return any(topic in str(who) for c in of_two for who in (c.who, c.against) for topic in topics[fault.kind])
     blamed = [each.split(" contradicts ")[0] for each in told_of(track)]
@@ -332,7 +332,10 @@ def check_without_fault(scenarios: Sequence[str], seeds: Sequence[int], logs: Se
             n_left_out += sum(bool(each.left_out) for each in track.contradictions)
             for sentence in (
                 *(each.sentence_on_fault_and_undoing for each in track.corrections),
-                *(f"{each.contradiction_sentence}; {each.consequence_text}" for each in track.contradictions),
+                *(
+                    f"{each.contradiction_sentence}; {each.votes_and_left_out_sources_text}"
+                    for each in track.contradictions
+                ),
             ):
                 print(f"{title} {variant}: {sentence}", flush=True)
     print(f"without a fault: {n_corrected} corrected, {n_named} named, {n_left_out} left out in {n} drives")

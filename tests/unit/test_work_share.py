@@ -9,13 +9,13 @@ import pytest
 
 from cwcli.cli.main import run_command_line
 from cwcli.cli.progress import Progress
-from cwcli.work_share import count_work, follow_work, part_of_work, report_work
+from cwcli.work_share import count_work, part_of_work, report_work, report_work_share_to
 from tests.cli.conftest import SAMPLES
 
 
 def test_parts_lie_within_parts() -> None:
     shares: list[float] = []
-    with follow_work(shares.append):
+    with report_work_share_to(shares.append):
         with part_of_work(0.2, 0.6), part_of_work(0.5, 1.0, "rows"):
             report_work("rows", 1, 4)
             report_work("frames", 3, 4)  # another loop that runs within this one
@@ -29,7 +29,7 @@ def test_parts_lie_within_parts() -> None:
 
 def test_share_never_falls() -> None:
     shares: list[float] = []
-    with follow_work(shares.append):
+    with report_work_share_to(shares.append):
         for _ in range(2):  # as where a search is done again
             with part_of_work(0.0, 0.5, "rows"):
                 report_work("rows", 1, 2)
@@ -38,7 +38,7 @@ def test_share_never_falls() -> None:
 
 def test_nothing_is_told_where_nobody_follows() -> None:
     shares: list[float] = []
-    with follow_work(shares.append):
+    with report_work_share_to(shares.append):
         other = threading.Thread(target=report_work, args=("rows", 1, 2))
         other.start()
         other.join()
@@ -50,7 +50,7 @@ def test_nothing_is_told_where_nobody_follows() -> None:
 
 def test_error_in_a_part_is_passed_on_and_ends_it() -> None:
     shares: list[float] = []
-    with follow_work(shares.append), pytest.raises(ValueError, match="no"), part_of_work(0.0, 0.5, "rows"):
+    with report_work_share_to(shares.append), pytest.raises(ValueError, match="no"), part_of_work(0.0, 0.5, "rows"):
         raise ValueError("no")
     report_work("rows", 1, 2)
     assert shares == []

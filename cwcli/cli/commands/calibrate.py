@@ -17,7 +17,7 @@ from cwcli.cli.tables import Cell, format_table
 from cwcli.cli.text import finite_or_none, format_count
 from cwcli.errors import EXIT_DONE, CwcliError, UsageError
 from cwcli.url import display_name_of_url
-from cwcli.work_share import follow_work, part_of_work
+from cwcli.work_share import part_of_work, report_work_share_to
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration, Constant
@@ -88,7 +88,7 @@ def command(
     console = Console(quiet=talk.quiet)
     drives: list[DriveEvidence] = []
     worst: CwcliError | None = None
-    with Progress(quiet=talk.quiet) as progress, follow_work(progress.show_share):
+    with Progress(quiet=talk.quiet) as progress, report_work_share_to(progress.show_share):
         for k, log in enumerate(logs):
             progress.begin_step(f"estimating {log}")
             try:

@@ -17,7 +17,7 @@ from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.export.track_formats import TRACK_FORMATS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import escape_control_characters, join_names
-from cwcli.work_share import follow_work, part_of_work
+from cwcli.work_share import part_of_work, report_work_share_to
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -119,7 +119,7 @@ def command(
                 names = content_names_of_ego_and_others(opened) if of_all else ["ego"]
             for name in names:
                 require_content_in_log(opened, name)
-            with progress, follow_work(progress.show_share), part_of_work(0.0, 0.9, "chunks"):
+            with progress, report_work_share_to(progress.show_share), part_of_work(0.0, 0.9, "chunks"):
                 encoded, n = _encode_contents_and_count_rows(opened, names, form, vehicle)
             said = {"what": ",".join(names), "rows": n}
             if output == "-" and is_text and is_terminal(sys.stdout):
@@ -138,7 +138,7 @@ def _write_ros_log(opened: Log, output: str, force: bool, console: Console, prog
     """Write a ROS 2 log; returns the content of `--json`."""
     from cwcli.export.ros.convert import write_ros_log
 
-    with progress, follow_work(progress.show_share), part_of_work(0.0, 1.0, "items"):
+    with progress, report_work_share_to(progress.show_share), part_of_work(0.0, 1.0, "items"):
         written = write_ros_log(opened, output, force=force)
     if written.left_out:
         console.print_note(f"left out, because no ROS message fits: {join_names(list(written.left_out))}")

@@ -345,7 +345,7 @@ def print_log_description(console: Console, document: Document) -> None:
         console.print_summary("")
     _print_message_checks(console, document)
     heads = ("command", "can run", "signals that are missing")
-    console.print_summary(format_table(heads, _command_rows(document["commands"])))
+    console.print_summary(format_table(heads, _stage_command_rows(document["commands"])))
     for note in dict.fromkeys(document["notes"]):
         console.print_note(note)
     for fault, n in document["faults"].items():
@@ -439,7 +439,7 @@ def _log_facts(document: Document) -> list[tuple[str, str]]:
     return facts
 
 
-def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:
+def _stage_command_rows(commands: Document) -> list[tuple[Cell, ...]]:
     """Make a table row for each stage; a variant of another stage is listed only if it can run."""
     from cwcli.stages import STAGES
 

@@ -17,7 +17,7 @@ from cwcli.cli.report import print_written_files
 from cwcli.cli.text import shorten_and_escape
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
-from cwcli.work_share import follow_work, part_of_work
+from cwcli.work_share import part_of_work, report_work_share_to
 
 EXAMPLES = (
     "cwcli join ego.mcap other.mcap --role remote -o both.mcap",
@@ -89,7 +89,7 @@ def command(
     bound_array_memory_and_get_old_handler()
     estimate = stage_call_from_options(make_stage_options_class("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
-    with Progress(quiet=talk.quiet) as progress, follow_work(progress.show_share), limits.open_log(log) as ego:
+    with Progress(quiet=talk.quiet) as progress, report_work_share_to(progress.show_share), limits.open_log(log) as ego:
         with limits.open_log(other) as second:
             progress.begin_step(f"estimating {ego.name} and {second.name}")
             name = other_car.name or Path(second.name.rstrip("/")).name.split(".")[0] or "other"

@@ -15,7 +15,7 @@ from cwcli.cli.report import print_written_files
 from cwcli.cli.targets import check_file_suffix
 from cwcli.cli.text import format_count
 from cwcli.lazy_dataclass import dataclass
-from cwcli.work_share import follow_work
+from cwcli.work_share import report_work_share_to
 
 EXAMPLES = (
     "cwcli report out/ -o report.html",
@@ -100,7 +100,7 @@ def command(
     refuse_unwritable_targets([target], force=force, inputs=[source])
     check_file_suffix(target, suffixes, what=what, required=False)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
-    with Progress(quiet=talk.quiet) as progress, follow_work(progress.show_share):
+    with Progress(quiet=talk.quiet) as progress, report_work_share_to(progress.show_share):
         report, n_bytes = write_report_page_and_get_size(
             source, target, page_content, force=force, progress=progress.begin_step
         )

@@ -17,7 +17,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.library.simulated import simulate_log
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.road.names import ROAD_SCENARIOS, WEATHER_NAMES
-from cwcli.work_share import follow_work, part_of_work
+from cwcli.work_share import part_of_work, report_work_share_to
 
 EXAMPLES = (
     "cwcli simulate intersection -o intersection.mcap",
@@ -99,7 +99,7 @@ def command(
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     with (
         Progress(quiet=talk.quiet) as progress,
-        follow_work(progress.show_share),
+        report_work_share_to(progress.show_share),
         part_of_work(0.0, 1.0, "messages"),
     ):
         progress.begin_step(f"simulating {scenario}")

@@ -138,9 +138,9 @@ def _hint_with_stage_in_flags(stage: str) -> _OptionChange:
 def _hint_with_changed_option(hint: Any, changes: Sequence[_OptionChange]) -> Any:
     """Change the option in a type hint, once, because `typing` takes long for each hint; an argument stays."""
 
-    def change_all(found: Declaration) -> Declaration:
+    def change_all_flag_names_of_declaration(found: Declaration) -> Declaration:
         for change in changes if found.kind == "Option" else ():
             found = change(found)
         return found
 
-    return change_declaration(hint, change_all)
+    return change_declaration(hint, change_all_flag_names_of_declaration)

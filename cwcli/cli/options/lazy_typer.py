@@ -70,7 +70,7 @@ class Declaration:
         return getattr(typer, self.kind)(*self.flags, **settings)
 
 
-def declaration_of(annotation: Any) -> Declaration | None:
+def find_declaration_in_type_hint(annotation: Any) -> Declaration | None:
     """The declaration in a type hint; None if there is none."""
     extras = get_args(annotation)[1:] if get_origin(annotation) is Annotated else ()
     return next((extra for extra in extras if isinstance(extra, Declaration)), None)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from cwcli.importing.tables import Answers, Guess, SourceTable
-from cwcli.importing.text_file import TextHead, decode_head, read_head
+from cwcli.importing.text_file import TextHead, decode_text_head, read_head
 from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class FileHead:
     @cached_property
     def text(self) -> TextHead | None:
         """The beginning as text; None if it is no text."""
-        return decode_head(self.data)
+        return decode_text_head(self.data)
 
     @cached_property
     def lines(self) -> tuple[str, ...]:

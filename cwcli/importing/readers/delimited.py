@@ -16,7 +16,7 @@ from typing import Any
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.tables import Answers, ColumnsOfRows, Question, SourceTable
-from cwcli.importing.text_file import TextHead, decode_head, no_text_error, read_head
+from cwcli.importing.text_file import TextHead, decode_text_head, no_text_error, read_head
 from cwcli.importing.units import is_unit_text
 from cwcli.lazy_dataclass import dataclass
 
@@ -65,7 +65,7 @@ def read_delimited_table(
         AmbiguousError: It has no line of names.
     """
     where = f"{path}: {part}" if part else path
-    head = decode_head(read_head(path) if data is None else data[: 256 << 10])
+    head = decode_text_head(read_head(path) if data is None else data[: 256 << 10])
     if head is None:
         raise no_text_error(where)
     layout = find_separator_names_and_units(head, where)

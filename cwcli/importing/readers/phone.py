@@ -82,7 +82,7 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
         for name, data in texts.items()
         if data.count(b"\n") >= 2
     }
-    _add_gravity(sources)
+    _add_gravity_to_accelerations(sources)
     tables = [with_phone_units_and_time_base(table, name, start) for name, table in sources.items()]
     if not tables:
         raise InputError("its tables have no rows", where=path)
@@ -141,7 +141,7 @@ def _require_bounded_total(members: dict[str, zipfile.ZipInfo], wanted: list[str
         )
 
 
-def _add_gravity(sources: dict[str, SourceTable]) -> None:
+def _add_gravity_to_accelerations(sources: dict[str, SourceTable]) -> None:
     """Add the table of gravity to Sensor Logger's accelerations without it, where they have the same rows.
 
     Accelerations that can't be completed so are left out: without gravity they show no vertical.

@@ -15,7 +15,7 @@ from cwcli.importing.cells import read_whole_units_fraction_and_validity
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import TextLayout, iter_text_rows
 from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, SourceTable
-from cwcli.importing.text_file import decode_head, no_text_error, read_head
+from cwcli.importing.text_file import decode_text_head, no_text_error, read_head
 from cwcli.importing.times import (
     Instants,
     ns_and_validity_of_text_times,
@@ -56,7 +56,7 @@ def _accepts_rtklib_file(head: FileHead) -> bool:
 
 
 def _read_rtklib_table(path: str, answers: Answers) -> Sequence[SourceTable]:
-    head = decode_head(read_head(path))
+    head = decode_text_head(read_head(path))
     found = None if head is None else _line_of_names(head.lines)
     if head is None or found is None:
         raise no_text_error(path)

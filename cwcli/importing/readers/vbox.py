@@ -18,7 +18,7 @@ from cwcli.importing.names import quantities_of_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import TextLayout, iter_text_rows
 from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, SourceTable
-from cwcli.importing.text_file import decode_head, no_text_error, read_head
+from cwcli.importing.text_file import decode_text_head, no_text_error, read_head
 from cwcli.importing.times import Instants, parse_start_ns, times_of_day_from_digits
 from cwcli.importing.units import find_unit
 from cwcli.signals.units import NS_PER_S
@@ -53,7 +53,7 @@ def _section(lines: Sequence[str], name: str) -> list[str]:
 
 
 def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
-    head = decode_head(read_head(path))
+    head = decode_text_head(read_head(path))
     if head is None:
         raise no_text_error(path)
     lines = [line.strip() for line in head.lines]

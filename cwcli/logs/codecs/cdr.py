@@ -17,7 +17,7 @@ from cwcli.logs.codecs.column_buffers import (
     RaggedColumnBuffer,
     StringColumnBuffer,
     begin_ragged_batch_and_get_addresses,
-    grown_capacity,
+    capacity_for_rows,
     row_zero_addresses,
     select_ragged_rows,
 )
@@ -196,7 +196,7 @@ class CdrDecoder:
         return [(leaf, slot) for leaf, slot in pairs if isinstance(slot, FixedColumnBuffer)]
 
     def _grow_buffers(self, needed: int) -> None:
-        capacity = grown_capacity(self._capacity, needed)
+        capacity = capacity_for_rows(self._capacity, needed)
         if capacity != self._capacity:
             self._capacity = capacity
         for slot in self._slots:

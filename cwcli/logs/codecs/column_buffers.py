@@ -69,7 +69,7 @@ class FixedColumnBuffer:
 
     def row_zero_address(self, first_row: int, n: int) -> int:
         """Return the memory address of row 0."""
-        return memory_address(self.array)
+        return memory_address_of_array(self.array)
 
     def resolve_batch_spans(self, batch_bytes: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: numbers need nothing more."""
@@ -100,7 +100,7 @@ class StringColumnBuffer:
     def row_zero_address(self, first_row: int, n: int) -> int:
         """Return the memory address that row 0 would have if the spans covered all rows, not only the batch."""
         self.spans = np.zeros((n, 2), np.int64)
-        return memory_address(self.spans) - BYTES_PER_START_AND_LENGTH * first_row
+        return memory_address_of_array(self.spans) - BYTES_PER_START_AND_LENGTH * first_row
 
     def resolve_batch_spans(self, batch_bytes: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: replace its spans by codes."""
@@ -203,12 +203,12 @@ def begin_ragged_batch_and_get_addresses(
     for slot in slots:
         slot.begin_batch(n, n_bytes)
     return (
-        np.array([memory_address(slot.buffer) for slot in slots], np.int64),
-        np.array([memory_address(slot.cursors) for slot in slots], np.int64),
+        np.array([memory_address_of_array(slot.buffer) for slot in slots], np.int64),
+        np.array([memory_address_of_array(slot.cursors) for slot in slots], np.int64),
     )
 
 
-def grown_capacity(current: int, needed: int) -> int:
+def capacity_for_rows(current: int, needed: int) -> int:
     """Return a capacity of at least `needed` rows, doubled so that growing stays rare."""
     return current if current >= needed else max(needed, 2 * current)
 
@@ -240,7 +240,7 @@ def order_values_by_first_use(strings: Strings) -> Strings:
     return Strings(new_code[strings.codes], tuple(strings.values[code] for code in codes[order].tolist()))
 
 
-def memory_address(array: npt.NDArray[np.generic]) -> int:
+def memory_address_of_array(array: npt.NDArray[np.generic]) -> int:
     """Return the memory address of an array."""
     address: int = array.__array_interface__["data"][0]
     return address

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import json_walk as kernel
-from cwcli.logs.codecs.column_buffers import Payloads, grown_capacity
+from cwcli.logs.codecs.column_buffers import Payloads, capacity_for_rows
 from cwcli.logs.codecs.decoder import DecodeOutcome
 from cwcli.logs.codecs.json_columns import (
     TAG_ABSENT,
@@ -83,7 +83,7 @@ class JsonDecoder:
             return
         # An element of an array takes at least two bytes: itself, and the comma or bracket after it.
         self._batch = (n, max(payloads.n_bytes // 2 + 8, self._batch[1]))
-        self._capacity = grown_capacity(self._capacity, first + n)
+        self._capacity = capacity_for_rows(self._capacity, first + n)
         for room in self._rooms:
             room.prepare_batch(self._capacity, *self._batch)
         status = np.zeros(n, np.uint8)
@@ -190,7 +190,7 @@ class JsonDecoder:
             value = json.loads(message)
         except (ValueError, RecursionError):
             value = None
-        self._tree.learn_keys(value, self._tree.root)
+        self._tree.add_keys_of_objects(value, self._tree.root)
         if len(self._tree.paths) > len(self._slots):
             self._add_leaf_buffers()
             self._rooms[-1].prepare_batch(self._capacity, *self._batch)
@@ -263,7 +263,7 @@ class JsonDecoder:
         elif in_array:
             tags, values = json_elements_by_row[key.slot].setdefault(row, ([], []))
             tag, number = (
-                (TAG_INTERNED_STRING, slot.intern_text(value))
+                (TAG_INTERNED_STRING, slot.code_of_string(value))
                 if isinstance(value, str)
                 else tag_and_int64_bits_of_scalar(value)
             )

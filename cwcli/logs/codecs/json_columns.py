@@ -24,7 +24,7 @@ from cwcli.kernels.message_scan import intern_spans
 from cwcli.logs.codecs.column_buffers import (
     Payloads,
     matrix_if_equal_lengths,
-    memory_address,
+    memory_address_of_array,
     order_values_by_first_use,
     select_ragged_rows,
 )
@@ -112,7 +112,9 @@ class LeafBuffers:
             self.element_tags = _allocate_element_buffers(len(self), n_elements, np.uint8)
             self.element_values = _allocate_element_buffers(len(self), n_elements, np.int64)
             buffers = (self.element_tags, self.element_values)
-            self._element_addresses = np.array([[memory_address(each) for each in own] for own in buffers], np.int64)
+            self._element_addresses = np.array(
+                [[memory_address_of_array(each) for each in own] for own in buffers], np.int64
+            )
         self.addresses = self._buffer_addresses()
 
     def _buffer_addresses(self) -> Int64Array:
@@ -129,7 +131,7 @@ def _allocate_element_buffers(n: int, size: int, dtype: npt.DTypeLike) -> list[n
 
 def _row_addresses(matrix: npt.NDArray[np.generic]) -> Int64Array:
     """Return the memory address of each row of a matrix, shape (rows,)."""
-    return memory_address(matrix) + matrix.strides[0] * np.arange(len(matrix), dtype=np.int64)
+    return memory_address_of_array(matrix) + matrix.strides[0] * np.arange(len(matrix), dtype=np.int64)
 
 
 class JsonColumnBuffer:
@@ -210,9 +212,9 @@ class JsonColumnBuffer:
 
     def set_string(self, row: int, text: str) -> None:
         """Set the string of one message."""
-        self.tags[row], self.values_as_int64_bits[row] = TAG_INTERNED_STRING, self.intern_text(text)
+        self.tags[row], self.values_as_int64_bits[row] = TAG_INTERNED_STRING, self.code_of_string(text)
 
-    def intern_text(self, text: str) -> int:
+    def code_of_string(self, text: str) -> int:
         """Return the code of a string, new if it is not known."""
         return self._intern_bytes(text.encode(errors="surrogatepass"))
 
@@ -275,7 +277,7 @@ class JsonColumnBuffer:
         whole = np.flatnonzero(tags == TAG_INT)
         tags[whole], values[whole] = TAG_FLOAT, values[whole].astype(np.float64).view(np.int64)
         several = sizes > 1
-        tags[several], values[several] = TAG_STRING, self.intern_text(SEVERAL_VALUES_TEXT) if several.any() else 0
+        tags[several], values[several] = TAG_STRING, self.code_of_string(SEVERAL_VALUES_TEXT) if several.any() else 0
         return self._build_strings_column(tags, values)
 
     def _build_strings_column(self, tags: TagArray, values: Int64Array) -> Strings:
@@ -296,7 +298,7 @@ class JsonColumnBuffer:
             text = payloads.data[begin : begin + (int(values[k]) & 0xFFFFFFFF)].tobytes()
             try:
                 values[k] = (
-                    self.intern_text(json.loads(b'"' + text + b'"'))
+                    self.code_of_string(json.loads(b'"' + text + b'"'))
                     if tags[k] == TAG_ESCAPED_STRING
                     else self._intern_bytes(text)
                 )

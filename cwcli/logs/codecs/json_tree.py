@@ -66,13 +66,13 @@ class KeyTree:
                 tree._assign_slot(key)
         return tree
 
-    def learn_keys(self, value: object, keys: dict[str, JsonKey], prefix: str = "", depth: int = 0) -> None:
+    def add_keys_of_objects(self, value: object, keys: dict[str, JsonKey], prefix: str = "", depth: int = 0) -> None:
         """Add the keys of an object, or of the objects in an array, to `keys`."""
         if depth > MAX_OBJECT_DEPTH:
             return
         if isinstance(value, list):
             for each in iter_nested_elements(value):
-                self.learn_keys(each, keys, prefix, depth)
+                self.add_keys_of_objects(each, keys, prefix, depth)
         elif isinstance(value, dict):
             for name, inner in value.items():
                 key = keys.get(name)
@@ -85,7 +85,7 @@ class KeyTree:
                 if _contains_object(inner):
                     if key.below is None:
                         key.below = {}
-                    self.learn_keys(inner, key.below, f"{key.path}.", depth + 1)
+                    self.add_keys_of_objects(inner, key.below, f"{key.path}.", depth + 1)
 
     def to_kernel_tables(self) -> Tables:
         """Return keys, entries and nodes as arrays for `cwcli.kernels.json_walk`."""

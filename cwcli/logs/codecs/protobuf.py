@@ -19,7 +19,7 @@ from cwcli.logs.codecs.column_buffers import (
     RaggedColumnBuffer,
     StringColumnBuffer,
     begin_ragged_batch_and_get_addresses,
-    grown_capacity,
+    capacity_for_rows,
     matrix_if_equal_lengths,
     order_values_by_first_use,
     row_zero_addresses,
@@ -103,7 +103,7 @@ class ProtobufDecoder:
         n, first = len(payloads), self._n
         if not n:
             return
-        self._capacity = grown_capacity(self._capacity, first + n)
+        self._capacity = capacity_for_rows(self._capacity, first + n)
         for slot in (*self._slots, *self._presence):
             slot.ensure_capacity(self._capacity)
         for oneof in self._oneofs:

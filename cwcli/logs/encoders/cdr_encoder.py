@@ -25,7 +25,13 @@ from cwcli.logs.encoders.byte_rows import ByteRows, join_rows
 from cwcli.logs.encoders.cdr_fit import SECONDS_TYPE, TIME_TYPES, unrepresentable_mask
 from cwcli.logs.encoders.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
 from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
-from cwcli.logs.encoders.row_assembly import FixedPiece, Piece, VaryingPiece, assemble_rows, constant_piece
+from cwcli.logs.encoders.row_assembly import (
+    FixedPiece,
+    Piece,
+    VaryingPiece,
+    assemble_rows,
+    piece_of_same_bytes_in_every_row,
+)
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings, absent_strings
 from cwcli.signals.units import NS_PER_S
 
@@ -56,7 +62,7 @@ def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> B
     root, definitions = _parse_cached_definitions(schema_name)
     body = _CdrRows(np.zeros(n, np.int64))
     _append_message(body, definitions, root, build_column_tree(fields))
-    return assemble_rows([constant_piece(CDR_LITTLE_ENDIAN_HEADER), *body.pieces], n)
+    return assemble_rows([piece_of_same_bytes_in_every_row(CDR_LITTLE_ENDIAN_HEADER), *body.pieces], n)
 
 
 @lru_cache(maxsize=64)
@@ -91,7 +97,7 @@ class _CdrRows:
         if not gap.any():
             return
         if (gap == gap[0]).all():
-            self.append_piece(constant_piece(bytes(int(gap[0]))))
+            self.append_piece(piece_of_same_bytes_in_every_row(bytes(int(gap[0]))))
         else:
             self.append_piece(VaryingPiece(PADDING_BYTES, np.zeros(len(gap), np.int64), gap))
 

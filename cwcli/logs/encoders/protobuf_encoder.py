@@ -24,9 +24,9 @@ from cwcli.logs.encoders.row_assembly import (
     Piece,
     VaryingPiece,
     assemble_rows,
-    constant_piece,
     encode_total_size_of_pieces,
     encode_varint_piece,
+    piece_of_same_bytes_in_every_row,
 )
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
@@ -137,7 +137,11 @@ def _encode_string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[
     entries = join_rows([prefix + encode_varint(len(text)) + text for text in texts] + [b""])
     codes = np.where(column.codes < 0, len(texts), column.codes)
     if len(codes) and (codes == codes[0]).all():
-        return [constant_piece(entries.data[entries.offsets[codes[0]] : entries.offsets[codes[0] + 1]].tobytes())]
+        return [
+            piece_of_same_bytes_in_every_row(
+                entries.data[entries.offsets[codes[0]] : entries.offsets[codes[0] + 1]].tobytes()
+            )
+        ]
     return [VaryingPiece(entries.data, entries.offsets[codes], entries.sizes[codes])]
 
 
@@ -160,7 +164,11 @@ def _encode_packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ra
     dtype = FIXED_WIDTH_DTYPES.get(descriptor.type)
     if dtype is not None and isinstance(column, np.ndarray):
         values = np.ascontiguousarray(column, dtype)
-        return [tag, constant_piece(encode_varint(values.shape[1] * values.itemsize)), FixedPiece(values)]
+        return [
+            tag,
+            piece_of_same_bytes_in_every_row(encode_varint(values.shape[1] * values.itemsize)),
+            FixedPiece(values),
+        ]
     if isinstance(column, np.ndarray):
         column = Ragged(column.ravel(), np.arange(len(column) + 1, dtype=np.int64) * column.shape[1])
     if dtype is not None:
@@ -225,4 +233,4 @@ def _encode_tag_piece(descriptor: FieldDescriptor, wire_type: int) -> FixedPiece
 
 @lru_cache(maxsize=1024)
 def _constant_varint_piece(value: int) -> FixedPiece:
-    return constant_piece(encode_varint(value))
+    return piece_of_same_bytes_in_every_row(encode_varint(value))

@@ -50,7 +50,7 @@ class VaryingPiece:
 Piece = FixedPiece | VaryingPiece
 
 
-def constant_piece(data: bytes) -> FixedPiece:
+def piece_of_same_bytes_in_every_row(data: bytes) -> FixedPiece:
     """Return a piece with the same bytes in every row."""
     return FixedPiece(np.frombuffer(data, np.uint8)[None])
 
@@ -59,7 +59,7 @@ def encode_varint_piece(values: npt.NDArray[np.uint64]) -> Piece:
     """Encode numbers (n,) as varints: a constant or a piece of fixed width if they are equal or equally long."""
     n = len(values)
     if n and (values == values[0]).all():
-        return constant_piece(encode_varint(int(values[0])))
+        return piece_of_same_bytes_in_every_row(encode_varint(int(values[0])))
     rows = encode_varints(values)
     sizes = rows.sizes
     if n and (sizes == sizes[0]).all():
@@ -72,7 +72,7 @@ def encode_total_size_of_pieces(pieces: Sequence[Piece], n: int) -> list[Piece]:
     fixed_size = sum(piece.bytes_per_row for piece in pieces if isinstance(piece, FixedPiece))
     varying = [piece.sizes for piece in pieces if isinstance(piece, VaryingPiece)]
     if not varying:
-        return [constant_piece(encode_varint(fixed_size))]
+        return [piece_of_same_bytes_in_every_row(encode_varint(fixed_size))]
     sizes = np.full(n, fixed_size, np.int64)
     for each in varying:
         sizes += each

@@ -250,7 +250,7 @@ def _find_decompressor(compression: str) -> Callable[[memoryview, int], memoryvi
         ) from None
 
 
-def _return_uncompressed(stored: memoryview, size: int) -> memoryview:
+def _check_and_return_uncompressed(stored: memoryview, size: int) -> memoryview:
     return stored
 
 
@@ -316,7 +316,7 @@ def _first_line_of_error(error: BaseException) -> str:
 
 
 DECOMPRESSORS: dict[str, Callable[[memoryview, int], memoryview]] = {
-    "": _return_uncompressed,
+    "": _check_and_return_uncompressed,
     "zstd": _decompress_zstd,
     "lz4": _decompress_lz4,
 }

@@ -76,10 +76,10 @@ class LogIndex:
 
     def records_with_log_ids(self, at: int, records: memoryview) -> memoryview:
         """Return the records read at an offset, with this log's channel ids in the messages."""
-        renumbering = self.renumbering_at(at)
+        renumbering = self.channel_renumbering_at_offset(at)
         return records if renumbering is None else renumbering.renumber_channels_of_messages(records)
 
-    def renumbering_at(self, at: int) -> ChannelRenumbering | None:
+    def channel_renumbering_at_offset(self, at: int) -> ChannelRenumbering | None:
         """Return the mapping of the channel ids at an offset to those of the log; None if they are the same."""
         k = bisect_right(self.renumberings, at, key=itemgetter(0)) - 1
         return self.renumberings[k][1] if k >= 0 else None

@@ -464,7 +464,7 @@ def find_message_index_entries(
         found, first, last = channel_id_and_range_of_message_index_entries(file, start, stop)
     except RecordError:
         return None
-    renumbering = index.renumbering_at(chunk.chunk_start)
+    renumbering = index.channel_renumbering_at_offset(chunk.chunk_start)
     own_id = found if renumbering is None else renumbering.log_channel_id(found)
     if opcode != Opcode.MESSAGE_INDEX or own_id != channel_id:
         return None

@@ -230,12 +230,12 @@ def _parse_listing(information: Mapping[str, Any]) -> RecordingListing:
     faults: dict[str, int] = {}
     counts: dict[str, int | None] = {}
     repeated: list[str] = []
-    for listed in _listing_entries(information, "relative_file_paths"):
+    for listed in _list_or_empty_at_key(information, "relative_file_paths"):
         name = _last_path_part(listed)
         if name in counts:
             repeated.append(name)
         counts[name] = None
-    for entry in _listing_entries(information, "files") if "files" in information else ():
+    for entry in _list_or_empty_at_key(information, "files") if "files" in information else ():
         name = _last_path_part(entry["path"])
         if name in counts:
             counts[name] = _parse_message_count(entry.get("message_count"))
@@ -243,7 +243,7 @@ def _parse_listing(information: Mapping[str, Any]) -> RecordingListing:
     return RecordingListing(counts, _parse_message_count(information.get("message_count")), faults)
 
 
-def _listing_entries(information: Mapping[str, Any], key: str) -> list[Any]:
+def _list_or_empty_at_key(information: Mapping[str, Any], key: str) -> list[Any]:
     """Return the list under a key; null is an empty list.
 
     Raises:

@@ -74,7 +74,7 @@ def open_source(
         if not pipes:  # it may never end, and can't be read twice
             raise InputError("it is a pipe or a device, no file", where=name, hint="copy it into a file first")
         with open(path, "rb", opener=open_descriptor_within_wait) as pipe:
-            return _spool_pipe(pipe, name, bounds.max_input_bytes)
+            return _copy_pipe_to_temporary_file(pipe, name, bounds.max_input_bytes)
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
 
@@ -133,10 +133,10 @@ def _open_standard_input(max_bytes: int) -> InputFile:
         is_file = stat.S_ISREG(os.fstat(descriptor).st_mode)
         if is_file and os.lseek(descriptor, 0, os.SEEK_CUR) == 0:
             return InputFile(os.dup(descriptor), STDIN_NAME)
-    return _spool_pipe(sys.stdin.buffer, STDIN_NAME, max_bytes)
+    return _copy_pipe_to_temporary_file(sys.stdin.buffer, STDIN_NAME, max_bytes)
 
 
-def _spool_pipe(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
+def _copy_pipe_to_temporary_file(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
     """Copy a pipe into a temporary file, after a check that it begins as a log."""
     return spool_to_temporary_file(
         iter_within_size_limit(

@@ -232,7 +232,7 @@ class _Cutter:
             and not self._source.recover
             and chunk.index_offsets
             and chunk.chunk_start not in self._index.cut_chunks
-            and self._index.renumbering_at(chunk.chunk_start) is None
+            and self._index.channel_renumbering_at_offset(chunk.chunk_start) is None
             and chunk.index_offsets.keys() <= self._wanted_ids
             and chunk.start_ns >= self._span.first_ns
             and chunk.end_ns <= self._span.last_ns
@@ -255,7 +255,7 @@ class _Cutter:
         """Copy the stored bytes of an open chunk with new indexes, if every message is wanted; return whether it is."""
         if (
             chunk.chunk_start in self._index.cut_chunks
-            or self._index.renumbering_at(chunk.chunk_start) is not None
+            or self._index.channel_renumbering_at_offset(chunk.chunk_start) is not None
             or (chunk.index_offsets and not chunk.index_offsets.keys() <= self._wanted_ids)
         ):
             return False

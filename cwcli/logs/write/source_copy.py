@@ -211,7 +211,7 @@ class SourceCopy:
             return self._write_chunk_and_get_last_log_time(writer, records, compress=True)
         counts = chunk.counts or {}
         is_filtered = not self._replaced_ids.isdisjoint(counts)
-        is_renumbered = self._index.renumbering_at(chunk.chunk_start) is not None
+        is_renumbered = self._index.channel_renumbering_at_offset(chunk.chunk_start) is not None
         if is_filtered or is_renumbered or chunk.chunk_start in self._reindexed:
             return self._rebuild_chunk_and_get_last_log_time(writer, chunk, is_changed=is_filtered or is_renumbered)
         writer.copy_chunk(self._source, chunk)
@@ -229,7 +229,7 @@ class SourceCopy:
         try:
             records = self._decompress_with_log_ids(chunk)
             if is_changed:
-                is_renumbered = self._index.renumbering_at(chunk.chunk_start) is not None
+                is_renumbered = self._index.channel_renumbering_at_offset(chunk.chunk_start) is not None
                 records = remove_channels_from_records(records, self._replaced_ids, definitions=not is_renumbered)
             entries = message_index_entries_by_channel(records)
         except (ChunkError, RecordError) as error:

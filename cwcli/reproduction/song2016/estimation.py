@@ -61,7 +61,7 @@ def table1_error_rows(run: MeasuredRun, state: FloatArray) -> list[ErrorTableRow
     )
 
 
-def table1_part(name: str, n_seeds: int, tick: Callable[[], None]) -> StudyPart:
+def reproduce_table_1_of_scenario(name: str, n_seeds: int, tick: Callable[[], None]) -> StudyPart:
     """Compute table 1 on one scenario: errors measured and filtered, and the change by each estimator."""
     scenario = load_scenario(name)
     changes: dict[tuple[str, str], list[float]] = {(m, q): [] for q in QUANTITY_LABELS for m in ESTIMATOR_LABELS}

@@ -11,7 +11,11 @@ from collections.abc import Callable
 import numpy as np
 
 from cwcli.dynamics.riccati import steady_predicted_covariance
-from cwcli.estimation.song2016 import SAMPLING_TIME_S, filtered_states_and_covariances_of_matrix, trailing_slope
+from cwcli.estimation.song2016 import (
+    SAMPLING_TIME_S,
+    filtered_states_and_covariances_of_matrix,
+    least_squares_slope_of_last_samples,
+)
 from cwcli.metrics.intervals import normal_interval
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import StudyPart, median_and_interval_bounds
@@ -117,7 +121,7 @@ def slope_window_part(n_seeds: int, tick: Callable[[], None]) -> StudyPart:
         run = measure_vehicle(scenario, HOST_NAME, seed)
         filtered = paper_filter_states_with_derivatives(run)[:, :6]
         for window in SLOPE_WINDOWS_IN_SAMPLES:
-            slopes = (trailing_slope(filtered[:, k], window) for k in (4, 5))
+            slopes = (least_squares_slope_of_last_samples(filtered[:, k], window) for k in (4, 5))
             states = np.column_stack([filtered, *slopes])
             for horizon, found in ((PRINTED_HORIZON_S, largest), (PREDICTION_HORIZON_S, means)):
                 _, errors = starts_and_error_function(run.time_s, scenario.duration_s, horizon, motion.states_at)

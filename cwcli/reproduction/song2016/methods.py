@@ -9,7 +9,11 @@ import numpy as np
 from cwcli.estimation.config import EstimatorConfig, LatencyOption
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
-from cwcli.estimation.song2016 import SAMPLING_TIME_S, filtered_states_and_covariances_of_matrix, trailing_slope
+from cwcli.estimation.song2016 import (
+    SAMPLING_TIME_S,
+    filtered_states_and_covariances_of_matrix,
+    least_squares_slope_of_last_samples,
+)
 from cwcli.estimation.track import estimate_track
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.paths import PATH_TIME_BEYOND_HORIZON_S
@@ -80,7 +84,13 @@ def measure_vehicle(scenario: Scenario, vehicle: str, seed: int) -> MeasuredRun:
 def paper_filter_states_with_derivatives(run: MeasuredRun) -> FloatArray:
     """Run song2016's filter (eq. 8) and add the derivatives that its prediction needs, shape (n, 8)."""
     states, _ = filtered_states_and_covariances_of_matrix(run.vectors, tuple(run.sigma))
-    return np.column_stack([states[:, :6], trailing_slope(states[:, 4]), trailing_slope(states[:, 5])])
+    return np.column_stack(
+        [
+            states[:, :6],
+            least_squares_slope_of_last_samples(states[:, 4]),
+            least_squares_slope_of_last_samples(states[:, 5]),
+        ]
+    )
 
 
 def estimate_our_track(run: MeasuredRun, *, causal: bool = True, latency: LatencyOption = "none") -> Track:

@@ -10,7 +10,7 @@ from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
 from cwcli.reproduction.request import ReproductionRequest
 from cwcli.reproduction.song2016.control import braking_control_part
-from cwcli.reproduction.song2016.estimation import table1_part
+from cwcli.reproduction.song2016.estimation import reproduce_table_1_of_scenario
 from cwcli.reproduction.song2016.fitted_noise import fitted_noise_part, slope_window_part
 from cwcli.reproduction.song2016.prediction import (
     compute_prediction_errors,
@@ -19,7 +19,7 @@ from cwcli.reproduction.song2016.prediction import (
     prediction_horizons_part,
 )
 from cwcli.reproduction.song2016.sensitivity import MAX_SENSITIVITY_SEEDS as MAX_SEEDS_OF_CHOICES
-from cwcli.reproduction.song2016.sensitivity import sensitivity_part
+from cwcli.reproduction.song2016.sensitivity import moment_bands_over_variants
 from cwcli.reproduction.song2016.warning import (
     TRAP_SCENARIOS,
     count_false_warnings,
@@ -103,7 +103,7 @@ def _run_task(kind: str, name: str, n_seeds: int) -> tuple[list[StudyPart], list
 
     match kind:
         case "table 1":
-            return [table1_part(name, n_seeds, ignore_tick)], []
+            return [reproduce_table_1_of_scenario(name, n_seeds, ignore_tick)], []
         case "prediction":
             errors = compute_prediction_errors(name, n_seeds, ignore_tick)
             return [
@@ -116,7 +116,7 @@ def _run_task(kind: str, name: str, n_seeds: int) -> tuple[list[StudyPart], list
             moments = simulate_warning_moments(name, n_seeds, ignore_tick)
             return [warning_moments_part(name, moments), braking_control_part(name, moments)], []
         case "sensitivity":
-            part, section = sensitivity_part(name, n_seeds)
+            part, section = moment_bands_over_variants(name, n_seeds)
             return [part], [section]
         case _:
             return [false_warning_trap_part(name, count_false_warnings(name, n_seeds, ignore_tick), n_seeds)], []

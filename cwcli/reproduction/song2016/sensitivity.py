@@ -85,7 +85,7 @@ def _braking_jerk_variant(jerk_mps3: float) -> ChoiceVariant:
     )
 
 
-def _friction_variant(friction: float) -> ChoiceVariant:
+def _variant_with_friction(friction: float) -> ChoiceVariant:
     """Return the variant with another friction."""
     braking_mps2 = min(MAX_LEAD_DECELERATION_MPS2, friction * STANDARD_GRAVITY_MPS2)
     overrides = (
@@ -106,14 +106,14 @@ VARIANTS_BY_SCENARIO: dict[str, tuple[ChoiceVariant, ...]] = {
         ChoiceVariant("as chosen"),
         *map(_braking_start_variant, BRAKING_STARTS_S),
         *map(_braking_jerk_variant, BRAKING_JERKS_MPS3),
-        *map(_friction_variant, FRICTION_COEFFICIENTS),
+        *map(_variant_with_friction, FRICTION_COEFFICIENTS),
     ),
     "intersection": (ChoiceVariant("as chosen"), *map(_turn_start_variant, TURN_STARTS_S)),
 }
 """Scenario -> the variants of its choices, the chosen one first."""
 
 
-def sensitivity_part(name: str, n_seeds: int) -> tuple[StudyPart, SummaryTable]:
+def moment_bands_over_variants(name: str, n_seeds: int) -> tuple[StudyPart, SummaryTable]:
     """Compute the bands of a scenario's moments over the variants, and their table, one row a variant."""
     figure = FIGURE_BY_SCENARIO[name]
     rows = [

@@ -175,7 +175,7 @@ def _observer_gain_numbers() -> list[MeasuredNumber]:
         ]
         for label, gain in {
             "printed": np.array(PRINTED_GAIN_BY_SPEED[kmh]),
-            "with R1 on the curvature": predictor_gain(kmh)[2:],
+            "with R1 on the curvature": next_state_predictor_gain(kmh)[2:],
         }.items():
             of_lane = lane_state_transition_matrix(kmh) - gain
             poles.append(
@@ -198,7 +198,7 @@ def filter_gain_with_curvature_noise(kmh: float) -> FloatArray:
     return np.asarray(np.linalg.solve(innovation, OBSERVER_OUTPUT_MATRIX @ predicted).T)
 
 
-def predictor_gain(kmh: float) -> FloatArray:
+def next_state_predictor_gain(kmh: float) -> FloatArray:
     """Return the gain (4, 2) of the predictor of the next state, Phi K, for `filter_gain_with_curvature_noise`."""
     phi, _ = _example_transition_and_input(kmh)
     return np.asarray(phi @ filter_gain_with_curvature_noise(kmh))

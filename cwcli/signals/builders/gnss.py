@@ -125,7 +125,7 @@ def _usable_covariance_or_nan(covariance: FloatArray | None, ledger: RowLedger) 
     return usable_plane_covariance_or_nan(ledger, *_values_or_nan(covariance, ledger.columns, 3).T)
 
 
-def isotropic_covariance(variance: FloatArray) -> FloatArray:
+def plane_covariances_of_same_variance(variance: FloatArray) -> FloatArray:
     """Return plane covariances (n, 3) with the same variance (n,) in every direction."""
     return np.stack([variance, 0.0 * variance, variance], axis=1)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.signals.builders.gnss import (
     GnssFix,
-    isotropic_covariance,
+    plane_covariances_of_same_variance,
     velocity_from_speed_and_course,
 )
 from cwcli.signals.columns import Columns, FloatArray
@@ -27,7 +27,7 @@ def read_gps_fix(columns: Columns, ledger: RowLedger) -> GnssFix:
     """Read position and velocity of the messages."""
     matrices = read_matrix(columns, "position_covariance", 9)[:, [0, 1, 4]]
     is_known = (read_numbers(columns, "position_covariance_type") > 0) & (matrices[:, 0] > 0.0)
-    by_error = isotropic_covariance(
+    by_error = plane_covariances_of_same_variance(
         _one_sigma_from_stated_error(columns, "err_horz", SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS) ** 2
     )
     speed_mps, course_deg = read_numbers(columns, "speed"), read_numbers(columns, "track")

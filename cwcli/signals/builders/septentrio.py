@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.signals.builders.gnss import (
     GnssFix,
     covariance_of_east_north_sigmas,
-    isotropic_covariance,
+    plane_covariances_of_same_variance,
 )
 from cwcli.signals.columns import Columns, FloatArray, StampsNsAndIsGiven
 from cwcli.signals.gnss_time import utc_ns_and_is_time_from_gps_weeks
@@ -65,7 +65,7 @@ def read_pvt_geodetic(columns: Columns, ledger: RowLedger) -> GnssFix:
         latitude_deg=np.rad2deg(_read_usable_numbers(columns, "latitude")),
         longitude_deg=np.rad2deg(_read_usable_numbers(columns, "longitude")),
         altitude_m=_read_usable_numbers(columns, "height"),
-        position_covariance_m2=isotropic_covariance(sigma_m**2),
+        position_covariance_m2=plane_covariances_of_same_variance(sigma_m**2),
         velocity_mps=np.stack([_read_usable_numbers(columns, "ve"), _read_usable_numbers(columns, "vn")], axis=1),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.signals.builders.gnss import (
     GnssFix,
     heading_from_compass_or_nan,
-    isotropic_covariance,
+    plane_covariances_of_same_variance,
 )
 from cwcli.signals.columns import BoolArray, Columns
 from cwcli.signals.gnss_time import undo_week_rollover, utc_ns_and_is_time_from_date
@@ -61,9 +61,9 @@ def read_nav_pvt(columns: Columns, ledger: RowLedger) -> GnssFix:
             latitude_deg=DEG_PER_COUNT * read_numbers(columns, "lat"),
             longitude_deg=DEG_PER_COUNT * read_numbers(columns, "lon"),
             altitude_m=M_PER_MM * read_numbers(columns, "height"),
-            position_covariance_m2=isotropic_covariance(position_sigma**2),
+            position_covariance_m2=plane_covariances_of_same_variance(position_sigma**2),
             velocity_mps=np.stack(velocity, axis=1),
-            velocity_covariance_m2ps2=isotropic_covariance(velocity_sigma**2),
+            velocity_covariance_m2ps2=plane_covariances_of_same_variance(velocity_sigma**2),
             heading_rad=np.where(has_heading, heading_from_compass_or_nan(compass_deg), np.nan),
             heading_variance_rad2=heading_sigma**2,
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cwcli.signals.builders.base import Fields, Input
-from cwcli.signals.input_rows import lazy_builder
+from cwcli.signals.input_rows import builder_imported_at_first_call
 from cwcli.signals.role import Role
 
 GROUND_TRUTH_PREFIX = ""
@@ -82,7 +82,13 @@ _HOST_VEHICLE_DATA_FIELDS: Fields = {
 
 
 def _input(role: Role, fields: Fields, rank: int, *places: str) -> Input:
-    return Input(role, fields, lazy_builder(*(f"osi.{place}" for place in places)), rank=rank, says_what_it_is=True)
+    return Input(
+        role,
+        fields,
+        builder_imported_at_first_call(*(f"osi.{place}" for place in places)),
+        rank=rank,
+        says_what_it_is=True,
+    )
 
 
 def _ground_truth_inputs(fields: Fields, prefix: str, rank: int, *, with_remote: bool = True) -> tuple[Input, ...]:

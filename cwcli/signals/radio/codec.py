@@ -113,7 +113,7 @@ def make_radio_codec(form: str) -> V2xCodec:
         for kind, part, rows, status in _decode_messages_describing_their_sender(columns, found, form):
             is_known[rows] = True
             _reject_undecodable_rows(ledger, rows, status)
-            with ledger.part_ledger(rows, part) as inner:
+            with ledger.ledger_of_rows(rows, part) as inner:
                 decoded = kind.codec.decode(part, inner)
             for entry in fields(RemoteRows):
                 getattr(decoded_rows, entry.name)[rows] = getattr(decoded, entry.name)

@@ -95,12 +95,12 @@ def _draw_vehicle(image: Float32Array, view: _RoadView, vehicle: SceneVehicle, h
     half, height, length = vehicle.width_m / 2, vehicle.height_m, vehicle.length_m
     is_tall = height > 2.2
 
-    def body_point(along: float, across: float, up: float) -> tuple[float, float, float]:
+    def point_of_vehicle_body(along: float, across: float, up: float) -> tuple[float, float, float]:
         place = np.array([x, y]) + along * forward + across * left
         return float(place[0]), float(place[1]), up
 
     def project_polygon(grey: float, *corners: tuple[float, float, float]) -> FilledShape:
-        px, py, pz = np.array([body_point(*corner) for corner in corners]).T
+        px, py, pz = np.array([point_of_vehicle_body(*corner) for corner in corners]).T
         return FilledShape(view.project_body_points(px, py, pz), view.grey_at_distance(grey, x))
 
     def project_upright_rectangle(
@@ -159,7 +159,9 @@ def _draw_vehicle(image: Float32Array, view: _RoadView, vehicle: SceneVehicle, h
     for across in (half - 0.2, -half + 0.2):
         lamp_grey = 240.0 if vehicle.is_oncoming else (170.0 if vehicle.is_braking else 75.0)
         body.append(project_upright_rectangle(lamp_grey, across + 0.16, across - 0.16, lamp_z - 0.07, lamp_z + 0.09))
-        centre = view.project_body_points(*(np.array([value]) for value in body_point(0.0, across, lamp_z)))[0]
+        centre = view.project_body_points(*(np.array([value]) for value in point_of_vehicle_body(0.0, across, lamp_z)))[
+            0
+        ]
         radius = view.camera.fx * (0.16 if vehicle.is_oncoming else 0.11) / max(x, 1.0)
         if np.isfinite(centre).all():
             strength = 1.0 if vehicle.is_oncoming else (0.7 if vehicle.is_braking else 0.4)

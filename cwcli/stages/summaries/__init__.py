@@ -17,7 +17,7 @@ NIS_CELL_BY_CONSISTENCY = {
 """Whether the innovations lie within their bounds (None: not known) -> the cell that says so."""
 
 
-def bounds_cell(low: float, high: float) -> CellWithValues:
+def cell_of_low_and_high_bound(low: float, high: float) -> CellWithValues:
     """Return a cell with two bounds, "" where they are not known."""
     return CellWithValues("" if math.isnan(low) else f"{low:.2f} to {high:.2f}", {"low": low, "high": high})
 

@@ -15,7 +15,7 @@ from cwcli.estimation.summary import measured_quantity_name
 from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag
-from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, bounds_cell
+from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, cell_of_low_and_high_bound
 
 FLAGGED_STATES_HEADINGS = {
     StateFlag.STARTING: "states soon after the start",
@@ -29,7 +29,7 @@ FLAGGED_STATES_HEADINGS = {
 def estimate_tables(tracks: Mapping[str, TrackSummary]) -> tuple[SummaryTable, ...]:
     """Return the stage's tables for the terminal."""
     ego = tracks[EGO_ID]
-    found = _parameters_table(ego)
+    found = _estimated_parameters_table(ego)
     return (_sources_table(ego), *([found] if found.rows else []), _noise_table(ego), _vehicles_table(tracks))
 
 
@@ -82,7 +82,7 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
     return SummaryTable("sources", title, columns, tuple(rows), names=names)
 
 
-def _parameters_table(ego: TrackSummary) -> SummaryTable:
+def _estimated_parameters_table(ego: TrackSummary) -> SummaryTable:
     """Return the table with a row for each parameter that was estimated."""
     rows: list[tuple[Cell, ...]] = []
     for report in ego.sources:
@@ -124,7 +124,7 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
             ),
             report.noise_origin,
             report.nis_mean / report.nis_dof,
-            bounds_cell(*(bound / report.nis_dof for bound in report.nis_bounds)),
+            cell_of_low_and_high_bound(*(bound / report.nis_dof for bound in report.nis_bounds)),
             NIS_CELL_BY_CONSISTENCY[report.nis_inside],
         )
         for report in ego.sources

@@ -72,11 +72,11 @@ def add_flag(path: Path, raised_s: float, until_s: float) -> Path:
 
 
 def outcomes(result: ClauseResult) -> dict[str, str]:
-    return {trial.trial.name: trial.outcome for trial in result.driven_trials}
+    return {trial.trial.name: trial.outcome for trial in result.trials_with_repetitions}
 
 
 def breaches(result: ClauseResult) -> tuple[str, ...]:
-    return result.driven_trials[0].repetitions[0].breaches
+    return result.trials_with_repetitions[0].repetitions[0].breaches
 
 
 @pytest.mark.parametrize(("number", "name"), [(0, "lead vehicle stopped"), (2, "lead vehicle slower")])
@@ -84,7 +84,7 @@ def test_a_trial_is_found_and_judged_as_it_was_simulated(tmp_path: Path, number:
     result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", number), CONFIG)
     assert outcomes(result) == {name: PASSED}, breaches(result)
     simulated = run_trial(CLAUSE, number, (0,), ConformConfig(jobs=1, grade="fine"))[0].verdict
-    recorded = result.driven_trials[0].repetitions[0].verdict
+    recorded = result.trials_with_repetitions[0].repetitions[0].verdict
     assert simulated is not None
     assert recorded is not None
     # the same warning, judged on the truth and on states in hindsight
@@ -198,7 +198,7 @@ def test_another_system_is_judged_by_its_flag(tmp_path: Path, raised_s: float, o
     flagged = add_flag(Path(place.name), raised_s, 8.0)
     result = judge_log(CLAUSE, LogTrial(str(flagged), system="/adas/fcw:data==true"), CONFIG)
     assert outcomes(result) == {"lead vehicle stopped": outcome}, breaches(result)
-    verdict = result.driven_trials[0].repetitions[0].verdict
+    verdict = result.trials_with_repetitions[0].repetitions[0].verdict
     assert verdict is not None
     assert verdict.margin == pytest.approx(4.9 - raised_s, abs=0.1)
 

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.near_lane import convert_sine_states_to_angles, lane_at_nearer_preview, slowness_ratio
+from cwcli.dynamics.near_lane import (
+    convert_sine_states_to_angles,
+    lane_at_nearer_preview,
+    reference_to_actual_speed_ratio,
+)
 from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, ScalarSamples
 from cwcli.dynamics.single_track import steady_lateral_speed_per_yaw_rate_m
@@ -40,7 +44,15 @@ def frames(*middles: tuple[float, float, float], change_1pm2: float = 0.0) -> La
 
 
 def test_how_quickly_roads_bend_goes_with_the_speed() -> None:
-    assert slowness_ratio(np.array([30.0, 25.0, 12.5, -12.5, 5.0, 0.0, np.nan])).tolist() == [1, 1, 2, 2, 5, 5, 1]
+    assert reference_to_actual_speed_ratio(np.array([30.0, 25.0, 12.5, -12.5, 5.0, 0.0, np.nan])).tolist() == [
+        1,
+        1,
+        2,
+        2,
+        5,
+        5,
+        1,
+    ]
 
 
 def test_the_preview_point_is_nearer_where_the_car_is_slow_or_the_lane_turns() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.estimation.imu import interpolated_sample_mask, level_imu
+from cwcli.estimation.imu import interpolated_sample_mask, level_imu_by_gravity
 from cwcli.estimation.odd_sensors import find_tilt_and_evidence
 from cwcli.estimation.prepare import burst_row_mask
 
@@ -27,7 +27,7 @@ def test_level_imu_takes_the_yaw_rate_about_the_vertical_of_a_pitched_mount() ->
     values[:, 2] += 9.81 * (np.cos(pitch) - 1.0)
     values[:, 3] -= 0.3 * np.sin(pitch)
     values[:, 5] += 0.3 * np.cos(pitch)
-    levelled = level_imu(TIME, values, None)
+    levelled = level_imu_by_gravity(TIME, values, None)
     assert levelled.yaw_rate_radps.mean() == pytest.approx(0.3, abs=0.005)
     assert levelled.accel_mps2.mean() == pytest.approx(-9.81 * np.sin(pitch), abs=0.01)
 
@@ -36,7 +36,7 @@ def test_level_imu_trusts_the_mount_where_gravity_was_taken_out() -> None:
     values = noisy()
     values[:, 2] -= 9.81
     values[:, 5] += 0.2
-    np.testing.assert_array_equal(level_imu(TIME, values, None).yaw_rate_radps, values[:, 5])
+    np.testing.assert_array_equal(level_imu_by_gravity(TIME, values, None).yaw_rate_radps, values[:, 5])
 
 
 def test_interpolated_run_is_found_and_nothing_else() -> None:
@@ -74,7 +74,7 @@ def test_a_bend_to_one_side_does_not_look_like_a_rolled_mount() -> None:
     values = np.zeros((len(time_s), 6))
     values[:, 5] = np.where((time_s > 13.0) & (time_s < 28.0), 0.25, 0.0)
     values[:, 1], values[:, 2] = 10.0 * values[:, 5], 9.80665
-    levelled = level_imu(time_s, values, None)
+    levelled = level_imu_by_gravity(time_s, values, None)
     assert levelled.mounting is not None
     assert levelled.mounting.left_up_rad == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(levelled.yaw_rate_radps, values[:, 5], atol=1e-9)
@@ -87,7 +87,7 @@ def test_a_circle_without_end_does_not_look_like_a_rolled_mount(yaw_rate_radps: 
     time_s = np.arange(0.0, 60.0, 0.05)
     values = rng.normal(0.0, [0.1] * 3 + [0.005] * 3, (len(time_s), 6))
     values += [0.0, 10.0 * yaw_rate_radps, 9.80665, 0.0, 0.0, yaw_rate_radps]
-    levelled = level_imu(time_s, values, None)
+    levelled = level_imu_by_gravity(time_s, values, None)
     assert levelled.mounting is not None
     assert levelled.mounting.left_up_rad == pytest.approx(0.0, abs=np.radians(0.1))
     assert levelled.yaw_rate_radps.mean() == pytest.approx(yaw_rate_radps, rel=1e-3)
@@ -102,7 +102,7 @@ def test_an_imu_that_is_rolled_is_found_to_be_tilted_on_a_circle_too() -> None:
     force, gyro = turn @ [0.0, 3.0, 9.80665], turn @ [0.0, 0.0, 0.3]
     values = np.tile(np.concatenate([force, gyro]), (len(time_s), 1))
     assert find_tilt_and_evidence(values) is not None
-    levelled = level_imu(time_s, values, None)
+    levelled = level_imu_by_gravity(time_s, values, None)
     assert levelled.mounting is not None
     assert levelled.mounting.left_up_rad == pytest.approx(np.radians(30.0), abs=1e-9)
     np.testing.assert_allclose(levelled.yaw_rate_radps, 0.3, atol=1e-9)
@@ -119,7 +119,7 @@ def test_a_rolled_mount_in_a_bend_is_still_found() -> None:
     )
     turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(roll), np.sin(roll)], [0.0, -np.sin(roll), np.cos(roll)]])
     values = np.column_stack([level @ turn.T, np.stack([0.0 * w, 0.0 * w, w], axis=1) @ turn.T])
-    levelled = level_imu(time_s, values, None)
+    levelled = level_imu_by_gravity(time_s, values, None)
     assert levelled.mounting is not None
     assert levelled.mounting.left_up_rad == pytest.approx(roll, abs=np.radians(0.1))
     np.testing.assert_allclose(levelled.yaw_rate_radps, w, atol=1e-3)

@@ -169,9 +169,11 @@ def test_what_is_left_has_to_agree_clearly(sigma_m: float, is_resolved: bool) ->
 def test_only_a_source_that_is_left_out_is_said_to_be() -> None:
     fix = SourceQuantity("/fix", Kind.POSITION)
     imu = Contradiction(SourceQuantity("/imu", Kind.IMU), fix, "...", left_out=IMU)
-    assert imu.consequence_text.endswith("which of them is wrong; imu (/imu) is left out of the estimate")
+    assert imu.votes_and_left_out_sources_text.endswith(
+        "which of them is wrong; imu (/imu) is left out of the estimate"
+    )
     both = Contradiction(SPEED_QUANTITY, IMU[0], "...", left_out=(SPEED_QUANTITY, IMU[0]))
-    assert both.consequence_text.endswith("both are left out of the estimate")
+    assert both.votes_and_left_out_sources_text.endswith("both are left out of the estimate")
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ def test_a_biased_gyroscope_is_blamed_for_errors_that_last() -> None:
         (SourceQuantity("/imu", Kind.YAW_RATE), SourceQuantity("/fix", Kind.POSITION))
     ]
     assert found[0].what == "with it the fixes lie 8.3 m beside the motion for long, and scatter by only 0.60 m"
-    assert "no third source tells" in found[0].consequence_text
+    assert "no third source tells" in found[0].votes_and_left_out_sources_text
 
 
 def test_a_source_alone_contradicts_how_cars_move() -> None:

@@ -207,7 +207,7 @@ def test_without_looking_ahead_it_is_told_and_nothing_is_changed() -> None:
 def test_a_mirrored_map_beside_an_imu_alone_cannot_be_told_from_a_wrong_imu() -> None:
     judged = _judge(_with_fault(_drive(*LEAN), Kind.POSITION, lambda v: v[:, ::-1]))
     assert judged.corrections == ()
-    assert "no third source tells which of them is wrong" in judged.contradictions[0].consequence_text
+    assert "no third source tells which of them is wrong" in judged.contradictions[0].votes_and_left_out_sources_text
 
 
 def test_a_mirrored_map_is_found_out_by_heading_and_gyroscope() -> None:

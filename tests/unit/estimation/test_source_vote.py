@@ -54,7 +54,7 @@ def test_a_source_that_two_others_contradict_is_outvoted_and_left_out() -> None:
         "ego_speed (/speed) contradicts ego_position (/fix): the car covered 3.60 times the distance between the "
         "fixes, as if km/h were taken for m/s"
     )
-    assert found[0].consequence_text == (
+    assert found[0].votes_and_left_out_sources_text == (
         "imu accel (/imu) agrees with ego_position (/fix); ego_speed (/speed) is left out of the estimate"
     )
 
@@ -62,7 +62,7 @@ def test_a_source_that_two_others_contradict_is_outvoted_and_left_out() -> None:
 def test_of_two_that_contradict_each_other_the_positions_stay() -> None:
     found = find_contradicting_sources([_against(SourceComparisonCheck.TURN, YAW_RATE, FIX, -1.0)])
     assert [(each.who, each.allies, each.left_out) for each in found] == [(YAW_RATE, (), (YAW_RATE,))]
-    assert found[0].consequence_text == (
+    assert found[0].votes_and_left_out_sources_text == (
         "no third source tells which of them is wrong; imu yaw rate (/imu) is left out of the estimate"
     )
 
@@ -83,7 +83,8 @@ def test_two_sources_without_a_judge_are_told_and_neither_is_used() -> None:
     found = find_contradicting_sources([_against(SourceComparisonCheck.TURN, YAW_RATE, HEADING, 0.5)])
     assert [set(each.left_out) for each in found] == [{YAW_RATE, HEADING}]
     assert (
-        found[0].consequence_text == "no third source tells which of them is wrong; both are left out of the estimate"
+        found[0].votes_and_left_out_sources_text
+        == "no third source tells which of them is wrong; both are left out of the estimate"
     )
 
 
@@ -183,7 +184,7 @@ def test_an_imu_that_is_not_level_contradicts_gravity(force: tuple[float, float,
             left_out=(SourceQuantity("/imu", Kind.IMU),),
         ),
     )
-    assert voted.contradictions[0].consequence_text == "imu (/imu) is left out of the estimate"
+    assert voted.contradictions[0].votes_and_left_out_sources_text == "imu (/imu) is left out of the estimate"
     assert _rows(voted.prepared)[Kind.ACCEL] == _rows(voted.prepared)[Kind.YAW_RATE] == 0
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.importing import load
 from cwcli.importing.bounded_import import import_files
-from cwcli.importing.progress_shares import ShareReport, follow_shares
+from cwcli.importing.progress_shares import ShareReport, open_pipe_for_shares
 from cwcli.importing.readers import delimited
 from cwcli.importing.run import plan_import
 from cwcli.importing.tables import Answers
@@ -47,9 +47,9 @@ def test_share_report_passes_shares_of_reading_and_writing(tmp_path: Path, monke
             is_whole.set()
 
     path = table(tmp_path, 1000)
-    descriptor = follow_shares(keep)
+    descriptor = open_pipe_for_shares(keep)
     report = ShareReport(descriptor, 0.4)
-    with report.follow_reading([path]), Path(path).open("rb") as file:
+    with report.report_reading_progress_of_files([path]), Path(path).open("rb") as file:
         file.seek(Path(path).stat().st_size // 2)
         time.sleep(0.2)
     time.sleep(0.05)

@@ -49,7 +49,7 @@ def test_a_metric_that_was_zero_does_not_hide_the_others() -> None:
     after = [log("a", ego__position_rmse_m=1e-3), log("b", ego__position_rmse_m=1.5)]
     ranked = rank_log_changes(before, after, tolerance=0.01)
     assert [each.id for each in ranked] == ["a", "b"]
-    assert all(math.isfinite(each.badness[2]) for each in ranked)
+    assert all(math.isfinite(each.sort_key_by_worsening[2]) for each in ranked)
 
 
 def test_a_log_of_one_run_alone_is_not_compared() -> None:
