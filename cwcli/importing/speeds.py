@@ -285,7 +285,7 @@ def _add_question_if_heading_beside_way(
     meaning: Meaning, quantity: str, column: str, sense: str, track: TrackSpans
 ) -> bool:
     """Ask where a heading lies on one side of the way by the same angle all the time."""
-    heading_rad = _angles_to_heading_rad(meaning.unscaled_numbers(column), sense)
+    heading_rad = _angles_to_heading_rad(meaning.numbers_in_file_unit(column), sense)
     errors_deg = np.degrees(heading_minus_course_of_moving_spans_rad(track, meaning.stamp_ns, heading_rad))
     offset_deg = float(np.median(errors_deg))
     scatter_deg = float(np.median(np.abs(errors_deg - offset_deg)))

@@ -23,7 +23,7 @@ from cwcli.importing.text_file import iter_text_lines
 from cwcli.importing.times import MAX_STAMP_NS
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.can import MAX_FRAME_BYTES, DbcMessage, decode_all_signals, load_dbc_messages
-from cwcli.signals.resample import resample
+from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 
 CANDUMP_LINE_PATTERN = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
@@ -139,7 +139,7 @@ def _pair_places_of_different_frames(tables: list[dict[str, Any]]) -> list[str]:
     known, stamp_ns = np.isfinite(longitudes[longitude]), longitudes["time"]
     if latitudes is longitudes and (known & np.isfinite(latitudes[latitude])).any():
         return []
-    values = resample(
+    values = interpolate_signal_at_times(
         stamp_ns[known], longitudes.pop(longitude)[known], latitudes["time"], max_gap_s=MAX_GAP_BETWEEN_PLACES_S
     )
     latitudes[longitude] = np.where(np.isfinite(latitudes[latitude]), values, np.nan)

@@ -138,7 +138,7 @@ def test_a_lead_at_another_speed_or_gap_makes_the_trial_not_valid(
     tmp_path: Path, number: int, change: dict[str, Any], words: str
 ) -> None:
     result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", number, {"other": change}), CONFIG)
-    assert [trial.outcome for trial in result.driven_trials] == [NOT_VALID]
+    assert [trial.outcome for trial in result.trials_with_repetitions] == [NOT_VALID]
     assert re.match(words, breaches(result)[0]), breaches(result)
 
 
