@@ -27,6 +27,7 @@ from cwcli.signals.leaf_fields import (
     read_matrix,
     read_numbers,
     read_texts,
+    require_possible_numbers,
     unusable_field_error,
 )
 from cwcli.signals.packed_covariances import Covariances, PackedCovariances, pack_covariances
@@ -215,7 +216,10 @@ def _read_full_or_packed_covariances(columns: Columns) -> Covariances:
         field = find_field(columns, name)
         if not isinstance(field, np.ndarray) or field.shape != (len(columns), width):
             raise unusable_field_error(columns, name)
+        require_possible_numbers(columns, name, field)
         packed.append(np.asarray(field, np.float32))
+    if (packed[0] <= 0.0).any():  # of a log of others: such a covariance is not known
+        packed[0] = np.where((packed[0] <= 0.0).any(axis=1, keepdims=True), np.float32(np.nan), packed[0])
     return PackedCovariances(*packed)
 
 

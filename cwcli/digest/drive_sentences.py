@@ -37,7 +37,7 @@ def drive_length_sentence(
     """
     text = f"The log is {format_duration((log.end_ns - log.start_ns) / NS_PER_S)} long{_used_part_text(log, records)}"
     if ego is not None and len(ego) > 1:
-        top = float(np.nanmax(np.abs(ego.state[:, SPEED])))
+        top = float(np.fmax.reduce(np.abs(ego.state[:, SPEED])))
         text += f"; the car drove {driven_distance_m(ego):.0f} m, at most {KMH_PER_MPS * top:.0f} km/h"
     if n_heard:
         text += f"; {format_count(n_heard, 'other vehicle')} {'was' if n_heard == 1 else 'were'} heard by radio"

@@ -57,9 +57,14 @@ def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
 
     Args:
         error: Shape (n, d), angles wrapped.
-        covariance: Shape (n, d, d).
+        covariance: Shape (n, d, d). A singular one, which a log of others may hold, gives NaN.
     """
-    solved = np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
+    try:
+        solved = np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
+    except np.linalg.LinAlgError:
+        is_regular = np.abs(np.linalg.det(covariance)) > 0.0
+        solved = np.full(error.shape, np.nan)
+        solved[is_regular] = np.linalg.solve(covariance[is_regular], error[is_regular, :, None])[:, :, 0]
     return np.asarray((error * solved).sum(axis=1))
 
 

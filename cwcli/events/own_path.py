@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cwcli.errors import DataError
 from cwcli.events.evidence import EventEvidence
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -26,6 +27,8 @@ HALF_LANE_WIDTH_M = 1.75
 """Half the width of a lane that is assumed, m: lanes are 3.0 m to 3.75 m wide (RAA 2008, AASHTO)."""
 MAX_HEADING_DIFFERENCE_OF_SAME_DIRECTION_RAD = 0.5
 """Two headings that differ by less are the same direction, rad. Chosen by hand."""
+LONGEST_WAY_M = 1e7
+"""Length of the driven way beyond which the states of a log are not believed, m. Chosen by hand: 100 h at 100 km/h."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,8 @@ class DrivenWay:
     def __init__(self, stamp_ns: Int64Array, state: FloatArray) -> None:
         steps_m = np.hypot(*np.diff(state[:, :2], axis=0).T)
         driven_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+        if not driven_m[-1] < LONGEST_WAY_M:
+            raise DataError(f"the ego's states lead over {driven_m[-1] / 1000:,.0f} km, or are no numbers")
         moving = np.concatenate([[True], np.diff(driven_m) > 1e-6])
         self._driven_m, self._stamp_ns = driven_m, stamp_ns
         self.along_m = np.arange(0.0, driven_m[-1] + DRIVEN_WAY_POINT_SPACING_M, DRIVEN_WAY_POINT_SPACING_M)

@@ -45,6 +45,10 @@ _NANOSECONDS_PATHS = (
 
 MAX_EXACT_INTEGER = 2.0**53
 """The number up to which a double holds every whole number."""
+LARGEST_NUMBER = 1e10
+"""The largest number, in the unit of its field, that is believed of a channel that cwcli published. Chosen by hand."""
+SQUARE_FIELDS = frozenset({"covariance", "position_covariance", "nis"})
+"""Fields that hold squares, which may be as large as the square of `LARGEST_NUMBER`."""
 
 
 def find_field(columns: Columns, *paths: str) -> Field | None:
@@ -62,11 +66,14 @@ def read_numbers(columns: Columns, *paths: str, required: bool = False) -> Float
     Strings that spell numbers are read as such (JSON written from XER does that).
 
     Raises:
-        DataError: It is required, and not there as numbers.
+        DataError: It is required, and not there as numbers, or one is beyond `LARGEST_NUMBER`.
     """
     field = find_field(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1:
-        return field.astype(np.float64)
+        values = field.astype(np.float64)
+        if required:
+            require_possible_numbers(columns, paths[0], values)
+        return values
     if required:
         raise unusable_field_error(columns, paths[0])
     if isinstance(field, Strings):
@@ -162,6 +169,19 @@ def _octets_and_validity_of_numbers(values: NumericArray) -> tuple[npt.NDArray[n
     return np.where(is_octet, numbers, 0.0).astype(np.uint8), is_octet
 
 
+def require_possible_numbers(columns: Columns, name: str, values: NumericArray) -> None:
+    """Check a field of a channel of cwcli's; NaN is unknown.
+
+    Raises:
+        DataError: A number is beyond what cwcli writes: squares of it would overflow.
+    """
+    largest = LARGEST_NUMBER**2 if name in SQUARE_FIELDS else LARGEST_NUMBER
+    if values.size and max(np.fmax.reduce(values, None), -np.fmin.reduce(values, None)) > largest:
+        n_beyond = np.count_nonzero(np.abs(values) > largest)
+        what = f"the field `{name}` has {n_beyond:,} numbers beyond {largest:g}, which cwcli does not write"
+        raise DataError(what, where=columns.topic)
+
+
 def unusable_field_error(columns: Columns, name: str) -> DataError:
     """Return the error for a channel of cwcli's that lacks a field or has another in its place: another version wrote
     it."""
@@ -189,18 +209,24 @@ def read_matrix(columns: Columns, path: str, width: int | None = None, *, requir
         width: The length of a row; None: that of the first row.
 
     Raises:
-        DataError: It is required, and a row has it not.
+        DataError: It is required, and a row has it not, or a number is beyond `LARGEST_NUMBER`.
     """
     field = find_field(columns, path)
     n = len(columns)
     if isinstance(field, np.ndarray) and field.ndim == 2 and width in (None, field.shape[1]):
-        return np.asarray(field, np.float64)
+        values = np.asarray(field, np.float64)
+        if required:
+            require_possible_numbers(columns, path, values)
+        return values
     lengths = np.diff(field.offsets) if isinstance(field, Ragged) else np.full(n, -1)
     if width is None:
         width = max(int(lengths[0]), 0) if n else 0
     rows = np.flatnonzero(lengths == width)
     if isinstance(field, Ragged) and len(rows) == n:
-        return np.asarray(field.values, np.float64).reshape(n, width)
+        values = np.asarray(field.values, np.float64).reshape(n, width)
+        if required:
+            require_possible_numbers(columns, path, values)
+        return values
     if required:
         raise unusable_field_error(columns, path)
     out = np.full((n, width), np.nan)

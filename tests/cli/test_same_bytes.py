@@ -34,7 +34,33 @@ COMMANDS = (
     ("layout", "all.mcap", "-o", "layout.json"),
 )
 """In this order: some read what those before them have written."""
-SAME = {".mcap", ".csv", ".parquet", ".html", ".json", ".gpx", ".toml"}
+MORE_COMMANDS = (
+    ("predict", "states.mcap", "-o", "paths.mcap"),
+    ("warn", "paths.mcap", "-o", "warned.mcap"),
+    ("measure", "all.mcap", "-o", "measured.mcap", "--replace"),
+    ("control", "all.mcap", "-o", "controlled.mcap", "--replace"),
+    ("join", "LOG", "OTHER", "--role", "remote", "-o", "joined.mcap"),
+    ("calibrate", "LOG", "OTHER", "-o", "car.toml"),
+    ("find", "all.mcap", "all", "-o", "found.csv", "--clips", "clips", "--report", "found.html"),
+    ("evaluate", "all.mcap", "--metrics", "scores.csv", "--junit", "scores.xml", "--markdown", "scores.md"),
+    ("compare", "all.mcap", "measured.mcap", "--markdown", "compared.md", "--metrics", "compared.csv"),
+    ("plot", "all.mcap", "-o", "plot.svg"),
+    ("export", "all.mcap", "--format", "osi", "-o", "trace.mcap"),
+    ("simulate", "rear-end", "--seed", "7", "-o", "simulated.mcap"),
+    ("run", "LOG", "OTHER", "-d", "shards/1", "--shard", "1/2", "--tables"),
+    ("run", "LOG", "OTHER", "-d", "shards/2", "--shard", "2/2", "--tables"),
+    ("merge", "shards/1", "shards/2", "-d", "merged"),
+)
+"""Those that the long tests run, too, behind the others."""
+CAMERA_AND_RADAR_COMMANDS = (
+    ("simulate", "departure", "--seed", "3", "--set", "size=320x240", "-o", "departure.mcap"),
+    ("run", "departure.mcap", "-o", "lanes.mcap", "--metrics-dir", "lanes"),
+    ("simulate", "xiang2019-turn", "--seed", "3", "-o", "turn.mcap"),
+    ("run", "turn.mcap", "-o", "tracks.mcap", "--metrics-dir", "tracks"),
+    ("conform", "nhtsa-fcw", "--junit", "trials.xml", "--markdown", "trials.md", "--html", "trials.html"),
+)
+"""The stages of cameras and detections, and trials."""
+SAME = {".mcap", ".csv", ".parquet", ".html", ".json", ".gpx", ".toml", ".xml", ".md", ".svg"}
 NEVER_SAME = {"run_times.json"}
 """It says how long each log took, and where it lay (docs/fleet.md)."""
 
@@ -72,16 +98,28 @@ def log_of(folder: Path, k: int) -> Path:
     return folder / f"simulated-{k}.mcap"
 
 
-@pytest.mark.parametrize("number", [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(1, len(LOGS)))])
-def test_outputs_are_the_same_bytes_in_every_environment(tmp_path: Path, number: int) -> None:
-    log = log_of(tmp_path, number)
+def check_environments(folder: Path, commands: tuple[tuple[str, ...], ...], **logs: Path) -> None:
+    """Run commands in folders of their own, one for each environment; words that name a log stand for it."""
     made = []
     for k, environment in enumerate(ENVIRONMENTS):
-        (tmp_path / str(k)).mkdir()
-        for command in COMMANDS:
-            cwcli(tmp_path / str(k), environment, *(str(log) if each == "LOG" else each for each in command))
-        made.append(contents(tmp_path / str(k)))
+        (folder / str(k)).mkdir()
+        for command in commands:
+            cwcli(folder / str(k), environment, *(str(logs.get(each, each)) for each in command))
+        made.append(contents(folder / str(k)))
     assert_same(made)
+
+
+@pytest.mark.parametrize("number", [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(1, len(LOGS)))])
+def test_outputs_are_the_same_bytes_in_every_environment(tmp_path: Path, number: int) -> None:
+    other = LOGS[number - 1 if number in (2, 3) else 2]
+    assert isinstance(other, Path)
+    commands = COMMANDS + MORE_COMMANDS if number else COMMANDS
+    check_environments(tmp_path, commands, LOG=log_of(tmp_path, number), OTHER=other)
+
+
+@pytest.mark.long
+def test_outputs_of_cameras_detections_and_trials_are_the_same_bytes_in_every_environment(tmp_path: Path) -> None:
+    check_environments(tmp_path, CAMERA_AND_RADAR_COMMANDS)
 
 
 @pytest.mark.parametrize("n_logs", [2, pytest.param(len(LOGS), marks=pytest.mark.long)])

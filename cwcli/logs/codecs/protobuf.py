@@ -192,9 +192,10 @@ class ProtobufDecoder:
     ) -> bool:
         """Decode one message with the official parser; return whether that was possible."""
         if self._parser is None:
-            from google.protobuf.message_factory import GetMessageClass
-
-            self._parser = GetMessageClass(self._descriptor)
+            try:
+                self._parser = make_message_class(self._descriptor)
+            except SchemaError:
+                self._parser = object  # which parses nothing: each message counts as one that can't be decoded
         parsed = self._parser()
         at = first + row
         for presence in self._presence:
@@ -250,6 +251,20 @@ def find_message_descriptor(schema_name: str, schema_data: bytes) -> ProtobufMes
     except (TypeError, KeyError, ValueError, RecursionError) as error:
         reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else "it is incomplete"
         raise SchemaError(f"the schema can't be used: {reason}") from error
+
+
+def make_message_class(descriptor: ProtobufMessageDescriptor) -> Any:
+    """Return the official class of a message type.
+
+    Raises:
+        SchemaError: Its types refer to each other too deeply for the library, which makes all their classes.
+    """
+    from google.protobuf.message_factory import GetMessageClass
+
+    try:
+        return GetMessageClass(descriptor)
+    except RecursionError as error:
+        raise SchemaError("the schema can't be used: its types refer to each other too deeply") from error
 
 
 def _make_column_buffer(leaf: LeafColumn) -> FixedColumnBuffer | StringColumnBuffer:

@@ -13,7 +13,7 @@ from typing import Any
 
 from cwcli.logs.codecs.cdr_program import MAX_MESSAGE_NESTING
 from cwcli.logs.codecs.compressed_messages import decompress_message
-from cwcli.logs.codecs.protobuf import find_message_descriptor
+from cwcli.logs.codecs.protobuf import find_message_descriptor, make_message_class
 from cwcli.logs.codecs.protobuf_tables import is_repeated_field
 from cwcli.logs.codecs.registry import ChannelLike
 from cwcli.logs.codecs.ros2msg import (
@@ -78,9 +78,7 @@ def make_protobuf_parser(channel: ChannelLike) -> Decode:
     Raises:
         SchemaError: The schema can't be used.
     """
-    from google.protobuf.message_factory import GetMessageClass
-
-    message_class = GetMessageClass(find_message_descriptor(channel.schema_name, channel.schema_data))
+    message_class = make_message_class(find_message_descriptor(channel.schema_name, channel.schema_data))
 
     def parse_protobuf_message(payload: bytes) -> object:
         message = message_class()
