@@ -44,7 +44,7 @@ ARGUMENTS = {
     "evaluate": ["LOG"],
     "compare": ["LOG", "OTHER"],
     "report": ["LOG"],
-    "simulate": ["SCENARIO"],
+    "simulate": ["SCENARIO", "--actors", "LOG"],
     "reproduce": ["song2016"],
     "layout": ["LOG"],
     "export": ["LOG"],
@@ -57,7 +57,7 @@ ARGUMENTS = {
 }
 """Each command with everything that it can read, beside the configuration."""
 READING = {
-    *("config", "file", "dbc", "expect", "vehicle", "observe__vehicle", "calibration", "labelled", "log"),
+    *("config", "file", "dbc", "expect", "vehicle", "observe__vehicle", "calibration", "labelled", "log", "actors"),
     *("model", "lanes__model", "mapping", "times"),
 }
 """Parameters with a file that is read."""
