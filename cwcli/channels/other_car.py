@@ -8,13 +8,12 @@ from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array, concat_strings, median_of_values, repeat_string
 from cwcli.signals.geodesy import LocalMap
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
 
 STEP_TO_CONVERT_HEADING_M = 1.0
 """Distance along the heading that is converted with a position to get its heading on the other map, m; chosen."""
-MAD_TO_SIGMA = 1.4826
-"""Standard deviation of a normal distribution per median absolute deviation: 1 / 0.6745, its upper quartile."""
 GNSS_EPOCH_NS = 10 * NS_PER_MS
 """Interval of GNSS epochs, ns: common receivers measure at multiples of 10 ms from the whole second."""
 MAX_STAMP_OFFSET_FROM_GNSS_EPOCH_NS = 2 * NS_PER_MS
@@ -41,7 +40,7 @@ def estimate_recorder_clock(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Re
     """Estimate the offset of a recorder's clock from stamps and log times (n,) of at least one position."""
     late_ns = log_time_ns - stamp_ns
     ahead_ns = int(median_of_values(late_ns))
-    sigma_ns = int(MAD_TO_SIGMA * median_of_values(np.abs(late_ns - ahead_ns)))
+    sigma_ns = int(SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_values(np.abs(late_ns - ahead_ns)))
     phase_ns = (stamp_ns + GNSS_EPOCH_NS // 2) % GNSS_EPOCH_NS - GNSS_EPOCH_NS // 2
     is_on_epochs = bool(np.percentile(np.abs(phase_ns), 95) <= MAX_STAMP_OFFSET_FROM_GNSS_EPOCH_NS)
     return RecorderClock(ahead_ns, sigma_ns, len(stamp_ns), is_on_epochs)

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.repeated_rows import quantisation_step_or_zero_or_infinity
 from cwcli.signals.columns import EastNorthRows, StateCovariance
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 from cwcli.signals.vehicle_state import X, Y
 
 MIN_COARSE_FIX_STEP_M = 0.3
@@ -41,7 +41,9 @@ def find_coarse_east_north_steps_m(fixes_m: EastNorthRows) -> tuple[float, float
     for k in (0, 1):
         change = np.diff(fixes_m[:, k])
         if len(change) >= MIN_EQUAL_NEIGHBOUR_ROWS and not change.any():
-            noise_m = MEDIAN_ABSOLUTE_TO_SIGMA * float(np.median(np.abs(np.diff(fixes_m[:, 1 - k], 2)))) / 6.0**0.5
+            noise_m = (
+                SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * float(np.median(np.abs(np.diff(fixes_m[:, 1 - k], 2)))) / 6.0**0.5
+            )
             steps[k] = STEP_OF_UNCHANGING_AXIS_M if noise_m > MIN_NOISE_ON_OTHER_AXIS_M else 0.0
             continue
         step_m = quantisation_step_or_zero_or_infinity(np.abs(change), MIN_COARSE_FIX_STEP_M)

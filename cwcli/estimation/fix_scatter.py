@@ -12,11 +12,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import QUANTITIES, Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_values
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.signals.columns import FloatArray, StateCovariance
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 from cwcli.signals.vehicle_state import X, Y
 
 MAX_NOISE_TO_SCATTER_RATIO = 2.0
@@ -63,7 +64,11 @@ def noise_sigma_from_scatter_about_neighbours(s: SensorSeries) -> float:
 def scatter_about_neighbours(values: FloatArray) -> float:
     """Return one sigma of the white noise of three or more rows (n, d) on each axis, by their second differences."""
     second_difference = values[2:] - 2.0 * values[1:-1] + values[:-2]
-    return MEDIAN_ABSOLUTE_TO_SIGMA * median_of_finite_values(np.abs(second_difference).ravel()) / math.sqrt(6.0)
+    return (
+        SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
+        * median_of_finite_values(np.abs(second_difference).ravel())
+        / math.sqrt(6.0)
+    )
 
 
 def is_sigma_a_lasting_error(kind: Kind, sigma: float, scatter: float) -> bool:

@@ -9,15 +9,13 @@ import numpy as np
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import N_MOTION_STATES, FilterStart, SensorSeries
-from cwcli.estimation.start import MIN_DISPLACEMENT_M, find_filter_start
+from cwcli.estimation.start import MAX_GYROSCOPE_GAP_S, MIN_DISPLACEMENT_M, find_filter_start
 
 MAX_TIME_WITHOUT_HEADING_EVIDENCE_S = 5.0
 """Longest time, s, with neither a position nor a velocity nor a heading after which the filter goes on. After a longer
 one without a gyroscope it starts anew.
 
 Chosen: a car may turn by half a radian in it (`start.UNMEASURED_TURN_SIGMA_RADPS`)."""
-MAX_GYROSCOPE_GAP_S = 0.5
-"""Longest gap of a gyroscope, s, in which the yaw rate counts as measured. Chosen by hand; not fitted."""
 MIN_MOVEMENT_ACROSS_GAP_SIGMAS = 5.0
 """Least difference of the positions across a gap, in sigmas, at which the car counts as moved. Chosen by hand; not
 fitted."""

@@ -6,9 +6,6 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
-MEDIAN_ABSOLUTE_TO_SIGMA = 1.4826
-"""Factor from the median of the absolute values of normal errors to their standard deviation."""
-
 
 def median_of_finite_values(values: FloatArray) -> float:
     """The median of a column; the same number as `np.median`.

@@ -18,9 +18,10 @@ import numpy as np
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_values
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
+from cwcli.estimation.step_evidence import FIX_KINDS, MIN_COURSE_SPEED_MPS
 from cwcli.estimation.step_motion import (
     MIN_FIX_DISTANCE_FOR_COURSE_M,
     StepMotion,
@@ -30,6 +31,7 @@ from cwcli.estimation.step_motion import (
 from cwcli.estimation.turn_regression import regressed_turn_ratio
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 
 COMPARED_STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)
 """Lengths of the compared steps, s: as long as a manoeuvre takes, and longer than sensors are late. Chosen by hand."""
@@ -79,11 +81,6 @@ hand."""
 MAX_COMPARED_HEADING_CHANGE_RAD = 2.5
 """Largest change of heading from one step to the next, rad, that is compared; a larger one may have gone round the
 other way. Chosen by hand."""
-MIN_COURSE_SPEED_MPS = 4.0
-"""Least speed in m/s (14 km/h) at which courses are compared; a slower car may drive backwards for long. Chosen by
-hand."""
-FIX_KINDS = (Kind.POSITION, Kind.VELOCITY)
-"""Kinds that come from fixes."""
 CHECKS_THAT_ONLY_CONTRADICT = (SourceComparisonCheck.YAW_RATE_BIAS, SourceComparisonCheck.ACCEL_BIAS)
 """Comparisons that can only contradict: agreement without motion does not show that units and signs agree."""
 
@@ -162,7 +159,9 @@ class MedianInterval:
             return cls()
         middle = median_of_finite_values(values)
         spread = (
-            MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_TO_MEAN_SIGMA_RATIO * median_of_finite_values(np.abs(values - middle))
+            SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
+            * MEDIAN_TO_MEAN_SIGMA_RATIO
+            * median_of_finite_values(np.abs(values - middle))
         )
         half = student_99_quantile(n) * spread / math.sqrt(n)
         return cls(middle, middle - half, middle + half, n)

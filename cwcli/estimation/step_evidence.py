@@ -11,11 +11,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_values
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.step_motion import StepMotion
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 
 RESIDUAL_STUDENT_DEGREES_OF_FREEDOM = 4.0
 """Degrees of freedom of Student's t: tails as heavy as those of fixes in a town. Chosen by hand; not fitted."""
@@ -70,7 +71,7 @@ def log_likelihood_gains(
             for column, count in zip(columns, counts, strict=True)
             if 2 * count >= max(counts)
         )
-        scale = max(own.floor, MEDIAN_ABSOLUTE_TO_SIGMA * scatter)
+        scale = max(own.floor, SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * scatter)
         values = [_log_likelihood_of_residuals(column, scale) for column in columns]
         for i in range(len(residuals_by_candidate)):
             gains[i] += values[i + 1] - values[0]

@@ -11,10 +11,11 @@ import math
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.median import MEDIAN_ABSOLUTE_TO_SIGMA, median_of_finite_values
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.step_motion import StepMotion
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 
 MIN_REGRESSED_STEPS = 6
 """Least number of pairs of neighbouring time steps whose turns are regressed against those of another source. Chosen by
@@ -63,7 +64,9 @@ def regressed_turn_ratio(one: StepMotion, other: StepMotion) -> TurnRatio:
         slope = float(np.einsum("i,i", dx, dy)) / power
         rest = np.full(len(x), np.inf)
         rest[rows] = np.abs(dy - slope * dx)
-        scatter = max(MIN_RESIDUAL_SCATTER_RAD, MEDIAN_ABSOLUTE_TO_SIGMA * median_of_finite_values(rest[rows]))
+        scatter = max(
+            MIN_RESIDUAL_SCATTER_RAD, SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(rest[rows])
+        )
         sigma = math.sqrt(float(np.square(rest[rows]).sum()) / (n - 2) / power)
         rows &= rest < MAX_RESIDUAL_SIGMAS * scatter
     low, high = slope - HALF_INTERVAL_OF_RATIO_IN_SIGMAS * sigma, slope + HALF_INTERVAL_OF_RATIO_IN_SIGMAS * sigma

@@ -20,6 +20,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import StageResult, SummaryTable
 from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.role import Role
 from cwcli.stages.observe import ObserveConfig, ObserverEvidence
@@ -28,8 +29,6 @@ MAX_INTERPOLATED_TRUTH_GAP_S = 0.5
 """Longest gap of the truth that is interpolated, s. Chosen by hand; not fitted."""
 UNEVALUATED_TIME_AFTER_START_S = 2.0
 """Time in s after each start of the observer whose frames are not evaluated. Chosen by hand; not fitted."""
-HALF_WIDTH_90_PERCENT_SIGMAS = 1.6448536269514722
-"""Half-width of the central 90 % of a normal distribution, in sigmas."""
 METRIC_AND_FACTOR_BY_STATE: dict[str, tuple[str, float]] = {
     "lateral_speed_mps": ("observer.lateral_speed_rmse_mps", 1.0),
     "yaw_rate_radps": ("observer.yaw_rate_rmse_degps", math.degrees(1.0)),
@@ -172,6 +171,6 @@ def _count_rms_mean_p95_max_and_share_inside_90(
         nan = float("nan")
         return 0, nan, nan, nan, nan, nan
     size = np.abs(error)
-    inside = float(np.mean(size <= HALF_WIDTH_90_PERCENT_SIGMAS * sigma)) if np.isfinite(sigma).all() else float("nan")
+    inside = float(np.mean(size <= SIGMAS_HOLDING_90_PERCENT * sigma)) if np.isfinite(sigma).all() else float("nan")
     rms = float(np.sqrt(np.mean(error**2)))
     return len(error), rms, float(error.mean()), float(np.percentile(size, 95)), float(size.max()), inside

@@ -13,7 +13,7 @@ from cwcli.lazy_dataclass import replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, StageResult, SummaryTable
-from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, transform_paths_to_map
+from cwcli.prediction.lateral import transform_paths_to_map
 from cwcli.prediction.model_comparison import BASELINE_MODEL, horizon_error_table
 from cwcli.prediction.outcome import HorizonErrors, horizon_errors
 from cwcli.prediction.paths import Paths
@@ -21,6 +21,7 @@ from cwcli.prediction.poses import VehiclePoses, side_slip_rad
 from cwcli.signals.canonical import PoseSignal, Signal
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance
+from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict_lane import (

@@ -30,8 +30,6 @@ MAX_STEPS_OF_LATERAL_PATH = 2000
 """Largest permitted number of steps of a path; it bounds the memory. Chosen by hand."""
 LATERAL_PATH_MODELS = ("cwcli", "zhang2011")
 """Names of the path models; the module's text explains both."""
-SIGMAS_HOLDING_90_PERCENT = 1.6448536269514722
-"""Number of sigmas within which a normal error lies with a probability of 90 %."""
 ACCEL_SLOPE_WINDOW_S = 1.0
 """The acceleration is the slope of the speed over this time, s. Chosen by hand; not fitted."""
 MIN_ACCEL_FRAMES = 4

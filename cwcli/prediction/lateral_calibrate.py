@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.dynamics.samples import LateralTrack
-from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, dead_reckon_x_y_m_and_heading_rad
+from cwcli.prediction.lateral import dead_reckon_x_y_m_and_heading_rad
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, median_of_values
 from cwcli.signals.covariances import rotate_plane_covariance
+from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 

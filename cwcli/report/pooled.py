@@ -13,6 +13,7 @@ from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pool_all_
 from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_finite_number_or_nan, read_latency_s
 from cwcli.report.tables import format_metric_value
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.text import format_interval
 from cwcli.text import format_number as shown
@@ -44,8 +45,6 @@ HISTOGRAM_HEIGHT_PX = 26
 """Height of a histogram in pixels. Chosen by hand; not fitted."""
 OUTLIER_SIGMAS = 5.0
 """Least distance of an outlier log from the median, in sigmas by the median deviation: one in 1.7 million by chance."""
-SIGMA_PER_MAD = 1.4826
-"""The sigma of a normal distribution divided by its median absolute deviation."""
 MIN_SIGMA_SHARE_OF_MEDIAN = 0.05
 """The least sigma as a share of the median, so that values that nearly agree have no outliers.
 Chosen by hand; not fitted."""
@@ -241,7 +240,9 @@ def find_outlier_logs(
         return ()
     drawable = dict(zip(values, _clip_to_drawable(values.values()).tolist(), strict=True))
     median = float(np.median(list(drawable.values())))
-    spread = SIGMA_PER_MAD * float(np.median([abs(value - median) for value in drawable.values()]))
+    spread = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * float(
+        np.median([abs(value - median) for value in drawable.values()])
+    )
     reach = OUTLIER_SIGMAS * max(spread, MIN_SIGMA_SHARE_OF_MEDIAN * abs(median), min_sigma, 1e-9)
     far = sorted(
         (log for log, value in drawable.items() if abs(value - median) > reach),

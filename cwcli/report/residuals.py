@@ -33,7 +33,7 @@ from cwcli.report.drawing import (
     polygon_trace,
     rounded_json_numbers,
 )
-from cwcli.report.sensors import INTERVAL_95_SIGMAS, leading_number_or_nan
+from cwcli.report.sensors import INTERVAL_95_SIGMAS, MAX_INTERPOLATION_GAP_S, leading_number_or_nan
 from cwcli.report.signal_figures import gated_measurement_mask
 from cwcli.report.views import Plot
 from cwcli.signals.angles import wrap_angle
@@ -44,8 +44,6 @@ from cwcli.signals.vehicle_state import ACCEL, EGO_ID, HEADING, SPEED, YAW_RATE
 
 MAX_RESIDUAL_FIGURES = 8
 """The greatest number of residual figures. Chosen by hand; not fitted."""
-MAX_INTERPOLATION_GAP_S = 0.5
-"""Longest gap in s across which states are interpolated. Chosen by hand; not fitted."""
 N_DOT_GRID_ROWS = 60
 """Cells of the grid over the height; of dots in one cell the first is drawn. Chosen by hand; not fitted."""
 PANEL_HEIGHT_PX = 130

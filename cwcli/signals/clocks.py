@@ -27,8 +27,8 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, FirstAndLastNs, FloatArray, Int64Array, median_of_values
-from cwcli.signals.quality import S_PER_NS, Gap, Quality, RowLedger
-from cwcli.signals.units import NS_PER_S
+from cwcli.signals.quality import Gap, Quality, RowLedger
+from cwcli.signals.units import NS_PER_S, S_PER_NS
 
 Clock = Literal["stamp", "log"]
 SignalT = TypeVar("SignalT")

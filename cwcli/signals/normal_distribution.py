@@ -6,6 +6,10 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
+SIGMAS_HOLDING_90_PERCENT = 1.6448536269514722
+"""Number of sigmas within which a normal error lies with a probability of 90 %."""
+SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION = 1.4826
+"""The sigma of normal errors per median of their absolute values: 1 / 0.6745, the distribution's upper quartile."""
 # Chebyshev fit of erfc, relative error below 1.2e-7 everywhere: Press et al., Numerical Recipes, 2nd ed., 6.2 (erfcc).
 _ERFC_COEFFICIENTS = (
     -1.26551223,

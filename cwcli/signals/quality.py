@@ -14,9 +14,7 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, Columns, Int64Array
-
-S_PER_NS = 1e-9
-"""One nanosecond in seconds."""
+from cwcli.signals.units import S_PER_NS
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from cwcli.signals.canonical import DetectionSignal, Signal
 from cwcli.signals.columns import Int64Array, sort_distinct_values
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
+from cwcli.signals.units import S_PER_NS
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, cell_of_low_and_high_bound
 from cwcli.tracking.association import default_clutter_density
@@ -58,8 +59,6 @@ UNASSIGNED_REASONS = ("outside the gate", "belongs to no confirmed track")
 """Reasons that lie in the scene and not in the data: they are no faults."""
 MAX_TARGETS_IN_TABLE = 20
 """Greatest number of targets that the table of the summary shows; chosen by hand."""
-S_PER_NS = 1e-9
-"""Number of seconds in a nanosecond."""
 
 
 @dataclass(frozen=True)

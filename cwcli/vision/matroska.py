@@ -8,6 +8,8 @@ Source: RFC 9559 (Matroska), RFC 8794 (EBML).
 
 from __future__ import annotations
 
+from cwcli.signals.units import NS_PER_MS
+
 BLOCK_INTERVAL_MS = 40
 """Time between two blocks in milliseconds. Demuxers take it for a frame rate; it says nothing of the camera's."""
 
@@ -27,8 +29,6 @@ _CLUSTER, _TIMESTAMP, _SIMPLE_BLOCK = "1F43B675", "E7", "A3"
 
 UNKNOWN_ELEMENT_SIZE = b"\x01" + b"\xff" * 7
 """Size of an element whose end is not known yet (RFC 8794, 6.2)."""
-NS_PER_MS = 1_000_000
-"""Nanoseconds in a millisecond: the unit of the file's times."""
 VIDEO_TRACK_TYPE = 1
 """Number for a video track in Matroska's track type (RFC 9559)."""
 DECLARED_PICTURE_SIDE_PX = 16

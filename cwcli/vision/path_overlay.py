@@ -15,6 +15,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.signals.covariances import rotate_plane_covariance
+from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 
@@ -27,8 +28,6 @@ MIN_PATH_START_M = 1.0
 DEFAULT_PATH_START_M = 3.0
 """Distance at which a drawn path begins where the image's lowest row looks above the horizon, in metres. Chosen by
 hand; not fitted."""
-CENTRAL_90_PERCENT_SIGMAS = 1.6448536269514722
-"""Half width of the central 90 % of a normal distribution, in sigmas."""
 
 PATH_RGB = (0.1, 0.75, 1.0)
 """Colour of the path: red, green, blue, 0 to 1. Chosen by hand."""
@@ -138,7 +137,7 @@ def _sample_path_and_band_width(
     # A step in 1 / distance is a step in image rows.
     distances_m = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_PATH_POINTS) + camera_forward_m
     moving = np.concatenate([[True], np.diff(driven) > 0.0])
-    across = CENTRAL_90_PERCENT_SIGMAS * np.sqrt(
+    across = SIGMAS_HOLDING_90_PERCENT * np.sqrt(
         np.maximum(rotate_plane_covariance(path.position_covariance_m2, path.heading_rad)[:, 2], 0.0)
     )
     x_m, y_m, heading_rad, across_m = (

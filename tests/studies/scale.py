@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from cwcli.logs.read.source import COPY_BLOCK_BYTES
+from cwcli.logs.read.read_bounds import COPY_BLOCK_BYTES
 
 HOUR_S = 3600.0
 DRIVE_HOURS = 1_000_000

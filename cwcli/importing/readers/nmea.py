@@ -21,10 +21,8 @@ from cwcli.importing.times import parse_start_ns
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.nmea import SENTENCE_PARSERS, split_sentence
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.units import NS_PER_S
+from cwcli.signals.units import NS_PER_DAY, NS_PER_S
 
-NS_PER_DAY = 86_400 * NS_PER_S
-"""Number of nanoseconds in a day."""
 NMEA_SENTENCE_PATTERN = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*(\*[0-9A-Fa-f]{2}|,)")
 """Pattern of an NMEA sentence, with or without its checksum."""
 COLUMNS_BY_TABLE = {

@@ -21,10 +21,8 @@ from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, SourceTable
 from cwcli.importing.text_file import decode_text_head, no_text_error, read_head
 from cwcli.importing.times import Instants, parse_start_ns, times_of_day_from_digits
 from cwcli.importing.units import find_unit
-from cwcli.signals.units import NS_PER_S
+from cwcli.signals.units import NS_PER_DAY, NS_PER_S
 
-NS_PER_DAY = 86_400 * NS_PER_S
-"""Number of nanoseconds in a day."""
 DATE_LINE_PATTERN = re.compile(r"File created on (\d{1,2})/(\d{1,2})/(\d{4})")
 """The first line; the day comes first."""
 QUANTITY_AND_SIGN_BY_MINUTES_COLUMN = {

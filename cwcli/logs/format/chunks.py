@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from cwcli.input import InputFile
+from cwcli.input import BYTES_PER_MEGABYTE, InputFile
 from cwcli.logs.format.faults import RECOVER_HINT
 from cwcli.logs.format.records import RECORD_PREFIX, ChunkIndex, RecordError, read_chunk, read_opcode_and_content_range
 
@@ -27,8 +27,6 @@ MAX_LZ4_RATIO = 256
 """Greatest ratio of decompressed to compressed bytes of lz4: one byte of a block extends a match by at most 255."""
 PARTIAL_BLOCK_BYTES = 1 << 16
 """Bytes that are decompressed at a time from a cut chunk, and lost at an error in it. Chosen by hand."""
-BYTES_PER_MEGABYTE = 1_000_000
-"""The number of bytes in a megabyte, 10^6 (SI), for messages to users."""
 BYTES_AS_COSTLY_AS_ONE_MESSAGE = 500
 """Bytes that take about as long to decompress as one message takes to scan, decode and check. Chosen by hand."""
 CHUNK_CRC_OFFSET_BYTES = RECORD_PREFIX.size + 24

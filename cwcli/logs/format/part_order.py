@@ -13,6 +13,7 @@ from cwcli.input import InputFile
 from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.records import Statistics
+from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.signals.columns import FirstAndLastNs
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 MAX_GAP_WITHOUT_NOTE_NS = 1_000_000_000
 """The longest time in ns between two parts without a note. A recorder continues with the next part at once; after a
 longer gap something may be missing. Chosen by hand."""
-NS_PER_S = 1_000_000_000
-"""The number of nanoseconds in a second."""
 MAX_NAMES_SHOWN = 3
 """The number of names that a note lists. Chosen by hand."""
 MAX_PART_NUMBER = 10_000

@@ -14,11 +14,9 @@ from typing import IO, cast
 from cwcli.errors import InputError, OutputError
 from cwcli.input import InputFile
 from cwcli.logs.format.joined_file import JoinedFile
-from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, ReadBounds
+from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, COPY_BLOCK_BYTES, ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 
-COPY_BLOCK_BYTES = 1 << 20
-"""Bytes that are copied at a time. Chosen by hand."""
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """The first bytes of a zstd frame (RFC 8878, 3.1.1)."""
 ROS1_BAG_MAGIC = b"#ROSBAG V"

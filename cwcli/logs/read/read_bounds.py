@@ -7,6 +7,8 @@ from cwcli.lazy_dataclass import dataclass
 
 BYTES_PER_GIGABYTE = 1_000_000_000
 """The number of bytes in a gigabyte, for messages to users."""
+COPY_BLOCK_BYTES = 1 << 20
+"""Bytes that are copied at a time. Chosen by hand."""
 MAX_PIPE_BYTES = 64 * BYTES_PER_GIGABYTE
 """The default limit of bytes read from a pipe or a URL (`--max-input`). Chosen by hand."""
 

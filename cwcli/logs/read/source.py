@@ -16,7 +16,7 @@ from cwcli.input import InputFile, open_descriptor_within_wait
 from cwcli.logs.format.faults import not_mcap_error
 from cwcli.logs.format.records import MCAP_MAGIC
 from cwcli.logs.read.converted import ROS1_BAG_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC, convert_if_needed
-from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, DEFAULT_READ_BOUNDS, ReadBounds
+from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, COPY_BLOCK_BYTES, DEFAULT_READ_BOUNDS, ReadBounds
 from cwcli.logs.read.remote import FILE_SCHEME, file_names_below_url, is_remote_url, iter_remote_blocks
 from cwcli.url import display_name_of_url
 
@@ -27,8 +27,6 @@ STDIN_ARGUMENT = "-"
 """The name that stands for standard input."""
 STDIN_NAME = "<stdin>"
 """The name of standard input in messages."""
-COPY_BLOCK_BYTES = 1 << 20
-"""Bytes that are copied at a time. Chosen by hand."""
 
 LOG_MAGICS = (MCAP_MAGIC, ROS1_BAG_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC)
 """The first bytes of the files that are read as logs."""

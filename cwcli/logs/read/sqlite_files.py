@@ -20,11 +20,10 @@ from typing import IO
 
 from cwcli.errors import OutputError
 from cwcli.input import InputFile
+from cwcli.logs.read.read_bounds import COPY_BLOCK_BYTES
 
 WAL_SUFFIX, JOURNAL_SUFFIX = "-wal", "-journal"
 """The suffixes of a write-ahead log and of a rollback journal (https://www.sqlite.org/fileformat2.html)."""
-COPY_BLOCK_BYTES = 1 << 20
-"""Bytes that are copied at a time. Chosen by hand."""
 WAL_HEADER = struct.Struct(">IIIIIIII")
 """The header of a write-ahead log: magic number, version, page size in bytes, number of the checkpoint, two salts, two
 checksums (https://www.sqlite.org/walformat.html)."""

@@ -26,7 +26,6 @@ from cwcli.logs.ros1.definitions import (
 )
 from cwcli.logs.ros1.records import (
     LENGTH_STRUCT,
-    NS_PER_S,
     BagError,
     EndOfRecordsError,
     Header,
@@ -40,6 +39,7 @@ from cwcli.logs.ros1.records import (
     ros_time_to_ns,
     take_record_head,
 )
+from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.input import InputFile

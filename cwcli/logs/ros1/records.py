@@ -11,13 +11,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from cwcli.input import InputFile
+from cwcli.signals.units import NS_PER_S
 
 MAX_HEADER_BYTES = 1 << 20
 """The greatest size of a record's header, 1 MiB; in version 1.2 it holds a definition. Chosen by hand."""
 MAX_HEADER_FIELDS = 64
 """The greatest number of fields in a header. Chosen by hand: the format has eight at most."""
-NS_PER_S = 1_000_000_000
-"""Nanoseconds in a second."""
 BAG_BYTES_READ_AT_ONCE = 1 << 20
 """Bytes of a file that are read at a time. Chosen by hand."""
 LENGTH_STRUCT = struct.Struct("<I")

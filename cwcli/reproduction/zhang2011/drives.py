@@ -18,12 +18,7 @@ from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.lateral import (
-    SIGMAS_HOLDING_90_PERCENT,
-    LateralPathConfig,
-    dead_reckon_x_y_m_and_heading_rad,
-    predict_paths_from_observer,
-)
+from cwcli.prediction.lateral import LateralPathConfig, dead_reckon_x_y_m_and_heading_rad, predict_paths_from_observer
 from cwcli.prediction.lateral_calibrate import scale_covariance_across_path
 from cwcli.prediction.paths import Paths
 from cwcli.reproduction.classes import MeasuredNumber
@@ -31,6 +26,7 @@ from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_and_inter
 from cwcli.reproduction.zhang2011.pictures import frame_with_boundaries_plot
 from cwcli.reproduction.zhang2011.rendered import RenderedDrive, RenderSettings, sense_rendered_drive
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.signals.units import MPS_PER_KMH
 from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, LaneRuns, Road, simulate_lane_runs

@@ -13,10 +13,7 @@ from cwcli.signals.elements import Elements, offsets_and_indices_of_selected_seq
 from cwcli.signals.leaf_fields import read_frame_id, read_stamps
 from cwcli.signals.limits import MAX_COORDINATE_M, MAX_SPEED_MPS, NOT_FINITE_REASON, OUT_OF_RANGE_REASON
 from cwcli.signals.quality import Quality, RowLedger
-from cwcli.signals.units import NS_PER_S
-
-S_PER_NS = 1.0 / NS_PER_S
-"""One nanosecond in seconds."""
+from cwcli.signals.units import NS_PER_S, S_PER_NS
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.lazy_dataclass import replace
 from cwcli.signals.canonical import ImuSignal, Signal, SpeedSignal, VelocitySignal
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.sources import SensorSignals
-
-UP_AXIS_COLUMN_OF_GYRO = 2
-"""Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
+from cwcli.stages.inputs.sources import UP_AXIS_COLUMN_OF_GYRO, SensorSignals
 
 
 def apply_calibration_to_sources(sources: SensorSignals, calibration: Calibration | None) -> SensorSignals:

@@ -20,11 +20,7 @@ from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.calibrated import apply_calibration_to_sources
-from cwcli.stages.inputs.sources import read_sensor_signals
-
-UP_AXIS_COLUMN_OF_GYRO = 2
-"""Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
-
+from cwcli.stages.inputs.sources import UP_AXIS_COLUMN_OF_GYRO, read_sensor_signals
 
 EMPTY_MEASUREMENT_SERIES = Series(np.zeros(0, np.int64), np.zeros(0))
 """The series of a quantity that the log does not hold."""

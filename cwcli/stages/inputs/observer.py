@@ -23,11 +23,9 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, sort_distinct
 from cwcli.signals.role import Role
 from cwcli.signals.row_order import rows_by_stamp_without_repeats
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
-from cwcli.stages.inputs.sources import SensorSignals
+from cwcli.stages.inputs.sources import UP_AXIS_COLUMN_OF_GYRO, SensorSignals
 from cwcli.vision.method import LaneState
 
-UP_AXIS_COLUMN_OF_GYRO = 2
-"""Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 MAX_PREVIEW_LATERAL_HEADING_CURVATURE = np.array([1e3, math.pi / 2.0, 1.0])
 """Greatest magnitudes of the values at the preview point (m, rad, 1/m); larger ones are left out. Chosen by hand."""
 MAX_BELIEVED_PREVIEW_SIGMA = 1e3

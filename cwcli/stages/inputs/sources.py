@@ -27,6 +27,9 @@ from cwcli.signals.columns import Columns, Int64Array
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 
+UP_AXIS_COLUMN_OF_GYRO = 2
+"""Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
+
 ROLES_WITHOUT_TIME = frozenset({Role.CAMERA_INFO})
 """Roles whose messages hold at any time: a calibration may be logged long before the drive."""
 

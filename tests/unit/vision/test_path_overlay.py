@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
 from cwcli.simulation.road.render import render_frame
 from cwcli.simulation.road.scene import Marking, RoadScene
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.path_overlay import (
-    CENTRAL_90_PERCENT_SIGMAS,
     N_PATH_POINTS,
     PATH_LINE_NAMES,
     BodyPath,
@@ -55,7 +55,7 @@ def test_lines_lie_on_the_path_and_beside_it_on_the_ground() -> None:
     lines = project_path_into_image(arc(1 / 200.0, sigma_m=0.5), camera, width_m=1.8, camera_forward_m=0.7)
     for name, beside_m in zip(
         PATH_LINE_NAMES,
-        (0.0, 0.9, -0.9, CENTRAL_90_PERCENT_SIGMAS * 0.5, -CENTRAL_90_PERCENT_SIGMAS * 0.5),
+        (0.0, 0.9, -0.9, SIGMAS_HOLDING_90_PERCENT * 0.5, -SIGMAS_HOLDING_90_PERCENT * 0.5),
         strict=True,
     ):
         x, y = camera.ground_points_from_image(*lines.line_points_in_image(name).T)
