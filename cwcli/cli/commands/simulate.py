@@ -25,7 +25,7 @@ EXAMPLES = (
     "cwcli simulate road --weather rain --seed 3 --set size=640x480 -o road.mcap",
     "cwcli simulate departure --set drift=0.3 -o departure.mcap",
     "cwcli simulate xiang2019-turn -o - | cwcli track - --filter ukf",
-    "cwcli simulate rear-end --actors annotated.mcap --set v2x.delay_s=0.3 -o late.mcap",
+    "cwcli simulate rear-end --actors log.mcap --set v2x.delay_s=0.3 -o late.mcap",
 )
 """Command lines at the end of the command's `--help`."""
 
