@@ -34,7 +34,7 @@ from cwcli.vision.lane_model import (
     LanePriorTable,
 )
 from cwcli.vision.method import GreyImage
-from cwcli.vision.vanishing import find_vanishing_point
+from cwcli.vision.vanishing import VanishingPoint, find_vanishing_points
 
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
@@ -104,6 +104,9 @@ VANISHING_ROW_SIGMA_SHARE = 0.015
 """Sigma of the horizon from the vanishing point, over the image's height. Chosen by hand; not fitted."""
 VANISHING_COLUMN_SIGMA_SHARE = 0.02
 """Sigma of the column of the vanishing point, over the image's width. Chosen by hand; not fitted."""
+OBJECTIVE_PER_VOTE_SHARE = 0.4
+"""Objective that a vanishing point's share of the votes adds where a frame has several such points. Chosen on 20 of 40
+labelled frames in 7 kinds of weather and on rendered ones."""
 
 
 @dataclass(frozen=True)
@@ -350,13 +353,9 @@ def is_same_lane(lane: ImageLane, other: ImageLane) -> bool:
     )
 
 
-def prior_with_vanishing_point(grey: GreyImage, prior: LanePrior) -> tuple[LanePrior, float]:
-    """The prior with horizon and direction taken from the vanishing point of the frame's straight edges, and the share
-    of their votes for it; the prior itself and 1 where there are no edges."""
-    height, width = grey.shape
-    point = find_vanishing_point(grey, float(prior.table[VANISHING, MEAN]))
-    if point is None:
-        return prior, 1.0
+def prior_at_vanishing_point(prior: LanePrior, point: VanishingPoint, size: WidthHeightPx) -> LanePrior:
+    """The prior with horizon and direction taken from a vanishing point."""
+    width, height = size
     table = prior.table.copy()
     table[HORIZON] = (
         point.v_px,
@@ -366,7 +365,30 @@ def prior_with_vanishing_point(grey: GreyImage, prior: LanePrior) -> tuple[LaneP
     )
     sigma = VANISHING_COLUMN_SIGMA_SHARE * width
     table[VANISHING] = point.u_px, sigma, point.u_px - 5.0 * sigma, point.u_px + 5.0 * sigma
-    return prior.with_table(table), point.votes
+    return prior.with_table(table)
+
+
+def search_first_frame_at_vanishing_points(
+    grey: GreyImage, camera: Camera, prior: LanePrior, evidence_source: EvidenceSource = measure_stripe_evidence
+) -> tuple[ImageLanes, FloatArray, StripeEvidence, float]:
+    """Search a first frame whose mounting is not known, from each point where its straight edges may meet.
+
+    Returns:
+        What `search_first_frame` returns at the point with the best lane, and the share of the votes for that point; 1
+        where there are no edges.
+    """
+    size = camera.width_px, camera.height_px
+    points = find_vanishing_points(grey, float(prior.table[VANISHING, MEAN]))
+    if not points:
+        return *search_first_frame(grey, camera, prior, evidence_source), 1.0
+    searches = [
+        (
+            *search_first_frame(grey, camera, prior_at_vanishing_point(prior, point, size), evidence_source),
+            point.votes,
+        )
+        for point in points
+    ]
+    return max(searches, key=lambda search: float(search[1][0]) + OBJECTIVE_PER_VOTE_SHARE * search[3])
 
 
 def search_first_frame(

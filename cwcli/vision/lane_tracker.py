@@ -16,7 +16,11 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary, replace_parabola_of_boundary
-from cwcli.vision.boundary_probability import boundary_probabilities, lower_probabilities_if_vanishing_votes_scatter
+from cwcli.vision.boundary_probability import (
+    boundary_probabilities,
+    first_frame_boundary_probabilities,
+    lower_probabilities_if_vanishing_votes_scatter,
+)
 from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.ground import MIN_DEPTH_BELOW_HORIZON_SHARE
 from cwcli.vision.lane_covariance import covariance_of_first_five_lane_numbers, propagate_covariance_to_fit
@@ -26,9 +30,9 @@ from cwcli.vision.lane_detect import (
     StripeEvidence,
     lane_objectives,
     measure_stripe_evidence,
-    prior_with_vanishing_point,
     sampled_road_rows,
     search_first_frame,
+    search_first_frame_at_vanishing_points,
     search_rival_lanes,
 )
 from cwcli.vision.lane_following import (
@@ -155,6 +159,7 @@ class LaneTracker:
         self._last_fit: LaneFit | None = None
         self._is_tight_bend_better = False
         self._scene_votes = 1.0
+        self._first_frame_probabilities: LeftRightProbabilities | None = None
         self._steady_s = math.nan
         self._followed_s, self._next_horizon_recheck_s = 0.0, FIRST_HORIZON_RECHECK_S
         self._last_ns = 0
@@ -376,12 +381,17 @@ class LaneTracker:
     def _search_from_scratch(self, frame: LaneFrame, camera: Camera) -> list[LaneHypothesis]:
         """New hypotheses from a frame alone; of the frames before it uses the horizon only."""
         assert self._prior is not None
-        prior, self._scene_votes = self._prior, 1.0
-        if not prior.is_mounting_known:
-            prior, self._scene_votes = prior_with_vanishing_point(frame.grey, prior)
-        prior = prior_with_driven_curvature(prior, camera, frame.speed_mps, frame.yaw_rate_radps)
-        lanes, values, self._evidence = search_first_frame(frame.grey, camera, prior, self._evidence_source)
-        if not self._prior.is_mounting_known:
+        prior = prior_with_driven_curvature(self._prior, camera, frame.speed_mps, frame.yaw_rate_radps)
+        if prior.is_mounting_known:
+            self._scene_votes = 1.0
+            lanes, values, self._evidence = search_first_frame(frame.grey, camera, prior, self._evidence_source)
+        else:
+            lanes, values, self._evidence, self._scene_votes = search_first_frame_at_vanishing_points(
+                frame.grey, camera, prior, self._evidence_source
+            )
+            self._first_frame_probabilities = first_frame_boundary_probabilities(
+                self._evidence, lanes, values, self._scene_votes, camera.height_px
+            )
             self._prior = prior_with_seen_horizon(self._prior, float(lanes[0, HORIZON]), camera)
         lanes, values = lanes[:MAX_FOLLOWED_LANE_HYPOTHESES], values[:MAX_FOLLOWED_LANE_HYPOTHESES]
         return self._start_hypotheses(lanes, values, prior_of_followed_lane(self._prior, camera, frame.speed_mps))
@@ -390,9 +400,10 @@ class LaneTracker:
         """A new hypothesis from a search from scratch at the horizon of the frame's own lines."""
         assert self._prior is not None
         followed = self._evidence
-        prior, votes = prior_with_vanishing_point(frame.grey, self._prior)
+        lanes, values, self._evidence, votes = search_first_frame_at_vanishing_points(
+            frame.grey, camera, self._prior, self._evidence_source
+        )
         self._scene_votes = max(self._scene_votes, votes)  # once it was clear that this is a road, it is one
-        lanes, values, self._evidence = search_first_frame(frame.grey, camera, prior, self._evidence_source)
         hypotheses = self._start_hypotheses(
             lanes[:1], values[:1], prior_at_lane_horizon(opened_prior, lanes[0], camera)
         )
@@ -466,7 +477,10 @@ class LaneTracker:
             self._covariance = None
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         best, now, change = self._choose_published_hypothesis(camera, dt_s)
-        now = lower_probabilities_if_vanishing_votes_scatter(now, self._scene_votes)
+        if self._first_frame_probabilities is None:
+            now = lower_probabilities_if_vanishing_votes_scatter(now, self._scene_votes)
+        else:
+            now, self._first_frame_probabilities = self._first_frame_probabilities, None
         odds = [min(max(math.log(chance / (1.0 - chance)), -MAX_FRAME_LOG_ODDS), MAX_FRAME_LOG_ODDS) for chance in now]
         if self._odds is not None:
             kept_share = math.exp(-dt_s / LOG_ODDS_SMOOTHING_TIME_S)

@@ -4,6 +4,9 @@ Lane lines, seams, kerbs, barriers and the edges of shadows along the road are p
 lanes. Each line segment below a candidate point votes for it by its length and by how exactly it points there; a
 heavy-tailed kernel keeps the edges of cars and bridges from mattering. Used where the camera's mounting is not known.
 
+Shadows of trees and railings, drops and streaks of rain have many parallel edges. Where few of a frame's votes agree,
+points to which edges of many directions lead are possible too, and the lanes found from each decide (`lane_detect`).
+
 Source of the segments: R. Grompone von Gioi et al., LSD: a line segment detector, Image Processing On Line 2 (2012), by
 OpenCV. It leaves out gradients of less than some grey levels, whatever the contrast, so at dusk or in haze few lines
 would be left: a faint picture is stretched to the contrast of daylight before.
@@ -49,6 +52,19 @@ MIN_REACH_BELOW_POINT_SHARE = 0.03
 """Least distance below a point to which a segment that votes must reach, over the image's height. Chosen by hand; not
 fitted."""
 
+CLEAR_VOTE_SHARE = 0.33
+"""Share of the votes for a frame's vanishing point below which the point and any lane found from it are in doubt. A
+road has 0.35 to 0.6, stripes of shadow 0.1 to 0.3, a picture upside down 0.04 to 0.12. Chosen on 20 of 40 labelled
+frames in 15 kinds of weather and damage (tests/studies/lane_variants.py)."""
+N_OTHER_POINTS = 3
+"""Number of other points that are returned in that case. Chosen on the same frames in 7 kinds of weather and on
+rendered ones."""
+N_DIRECTION_SECTORS = 5
+"""Number of sectors of segments' directions between which votes for the other points should be spread. Chosen on the
+same frames."""
+DISTINCT_POINT_STEPS_V, DISTINCT_POINT_STEPS_U = 5, 6
+"""Steps of the grid in rows and columns up to which a point is the same as a better one. Chosen by hand; not fitted."""
+
 
 @dataclass(frozen=True)
 class VanishingPoint:
@@ -64,8 +80,11 @@ class VanishingPoint:
     votes: float
 
 
-def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | None:
-    """Find the point with the most votes of the frame's segments; None without segments.
+def find_vanishing_points(grey: GreyImage, middle_px: float) -> list[VanishingPoint]:
+    """Find the point with the most votes of the frame's segments; none without segments.
+
+    If its share is below `CLEAR_VOTE_SHARE`, up to `N_OTHER_POINTS` others follow: those to which edges of many
+    directions lead.
 
     Args:
         grey: Shape (height, width), uint8.
@@ -74,7 +93,7 @@ def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | 
     height, width = grey.shape
     segments = _detect_segments_along_road_uv_px(grey)
     if not len(segments):
-        return None
+        return []
     v = np.arange(
         FIRST_AND_LAST_HORIZON_ROW_SHARES[0] * height,
         FIRST_AND_LAST_HORIZON_ROW_SHARES[1] * height,
@@ -85,13 +104,41 @@ def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | 
         + np.arange(-COLUMN_SEARCH_HALF_WIDTH_SHARE, COLUMN_SEARCH_HALF_WIDTH_SHARE, VANISHING_GRID_STEP_SHARE) * width
     )
     votes, total = _vanishing_point_votes_on_grid(segments, u, v, width, height)
-    i, j = np.unravel_index(int(votes.argmax()), votes.shape)
-    near = votes[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] ** 4
-    v_near, u_near = v[max(i - 1, 0) : i + 2], u[max(j - 1, 0) : j + 2]
+    points = [_point_at_best_cell(votes, votes / total, u, v)]
+    if points[0].votes >= CLEAR_VOTE_SHARE:
+        return points
+    run, rise = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
+    sectors = (np.arctan2(rise, run) % np.pi * (N_DIRECTION_SECTORS / np.pi)).astype(int)
+    roots = [
+        np.sqrt(_vanishing_point_votes_on_grid(segments[sectors == k], u, v, width, height)[0])
+        for k in np.unique(sectors)
+    ]
+    spread = np.asarray(np.sum(roots, axis=0) ** 2)
+    best = votes
+    for _ in range(N_OTHER_POINTS):
+        i, j = np.unravel_index(int(best.argmax()), best.shape)
+        spread[
+            max(i - DISTINCT_POINT_STEPS_V, 0) : i + DISTINCT_POINT_STEPS_V + 1,
+            max(j - DISTINCT_POINT_STEPS_U, 0) : j + DISTINCT_POINT_STEPS_U + 1,
+        ] = 0.0
+        if spread.max() <= 0.0:
+            break
+        points.append(_point_at_best_cell(spread, votes / total, u, v))
+        best = spread
+    return points
+
+
+def _point_at_best_cell(
+    grid: FloatArray, vote_shares: FloatArray, grid_u_px: FloatArray, grid_v_px: FloatArray
+) -> VanishingPoint:
+    """The weighted mean of the best cell of a grid and its neighbours; the vote share is that of the cell."""
+    i, j = np.unravel_index(int(grid.argmax()), grid.shape)
+    rows, columns = slice(max(i - 1, 0), i + 2), slice(max(j - 1, 0), j + 2)
+    near = grid[rows, columns] ** 4
     return VanishingPoint(
-        u_px=float((near.sum(axis=0) @ u_near) / near.sum()),
-        v_px=float((near.sum(axis=1) @ v_near) / near.sum()),
-        votes=float(votes[i, j] / total),
+        u_px=float((near.sum(axis=0) @ grid_u_px[columns]) / near.sum()),
+        v_px=float((near.sum(axis=1) @ grid_v_px[rows]) / near.sum()),
+        votes=float(vote_shares[i, j]),
     )
 
 

@@ -1,19 +1,19 @@
-"""Fits the probabilities of `cwcli lanes` and shows how reliable they are.
+"""Fits the probabilities of `cwcli lanes` for frames that are searched alone and shows how reliable they are.
 
     python -m tests.studies.lane_reliability             # five minutes
 
-Frames: the rendered sets `complex` and `hard`, roads with hardly any paint, with raised dots, and with none of it, and
-noise, each with the camera's mounting known and not known. A boundary is right if 85 % of its visible rows are within 6
-pixels; without paint it never is. Fitted on four seeds, shown on another. Beside them, with `LABELLED_SHARE` of the
-weight, the labelled pictures of even numbers in all kinds of `lane_variants`, right as TuSimple's benchmark has it,
-and some of them upside down. Prints the coefficients for `vision/boundary_probability.py`, and the reliability of those
+Frames: the rendered sets `complex` and `hard`, `hard` roads evenly in each weather, roads with hardly any paint, with
+raised dots, and with none of it, and noise, each with the camera's mounting known and not known. A boundary is right if
+85 % of its visible rows are within 6 pixels; without paint it never is. Fitted on four seeds, shown on another. Beside
+them, with `WEATHER_SHARE` and `LABELLED_SHARE` of the weight, the labelled pictures of even numbers in the weather and
+in the other kinds of `lane_variants`, right as TuSimple's benchmark has it, and some of them upside down. Prints the coefficients for `vision/boundary_probability.py`, and the reliability of those
 in use on the varied pictures of odd numbers and on rendered ones.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -32,14 +32,12 @@ from cwcli.simulation.road.sets import FRAME_SETS, draw_scene, iter_set_frames
 from cwcli.simulation.streams import random_stream
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.boundary_probability import (
-    CLEAR_VOTE_SHARE,
-    PROBABILITY_OF_WELL_SEEN_OTHER_LINE,
-    BOUNDARY_LOG_ODDS_WEIGHTS,
-    LOG_ODDS_PER_VOTE_SHARE,
-    probability_features_of_left_and_right,
+    FIRST_FRAME_LOG_ODDS_WEIGHTS,
+    PROBABILITY_OF_OTHER_LINE_IN_FIRST_FRAME,
+    first_frame_probability_features,
 )
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.lane_detect import prior_with_vanishing_point, search_first_frame
+from cwcli.vision.lane_detect import search_first_frame, search_first_frame_at_vanishing_points
 from cwcli.vision.lane_model import (
     boundary_road_curves,
     first_frame_prior,
@@ -52,6 +50,7 @@ from tests.studies.lane_halves import LOG, labelled, matches
 from tests.studies.lane_halves import drawn as lines_of
 from tests.studies.lane_variants import KINDS
 from tests.studies.varied_pictures import HEIGHT_PX, WIDTH_PX, Picture
+from tests.studies.weather_pictures import WEATHER
 
 DOTS_M = (0.15, 3.6)
 """Length and gap of raised dots."""
@@ -63,24 +62,29 @@ SCALE = 1e-6
 FIRST_LAPSE = 0.05
 MOST = 200.0
 """Of a coefficient. Evidence may not speak against a boundary, nor the crowd for one."""
-LABELLED_SHARE = 0.4
-"""Share of the varied real pictures in the fit's weight."""
+WEATHER_SHARE, LABELLED_SHARE = 0.3, 0.2
+"""Shares in the fit's weight of the real pictures in weather, and of those in other kinds."""
 UPSIDE_DOWN = ("as it is", "gamma 1.6", "haze", "rain", "shadow stripes")
 """Kinds that are searched upside down as well."""
-VARIED_SEEDS = (7, 11)
-"""Seeds that draw the weather and the damage of the pictures that are fitted on, and of those that are shown."""
+VARIED_SEEDS = ((7, 17), (11, 21))
+"""Seeds that draw the weather of the pictures that are fitted on, and of those that are shown; the first of them draws
+the damage."""
 EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.001)
 
 
 def drawn(name: str, n: int, seed: int) -> Iterator[RoadFrame]:
-    """Frames of `complex` roads, `bare` of paint, `worn` as far as the renderer can, or with `dots`; or `noise`."""
+    """Frames of `complex` roads, `bare` of paint, `worn` as far as the renderer can, or with `dots`; `noise`; or of
+    `hard` roads evenly in each `weather`."""
     names = sorted(CONDITIONS)
     for index in range(n):
         rng = random_stream(seed, "road", name, str(index))
-        scene = draw_scene(FRAME_SETS["complex"], names[index % len(names)], rng)
+        spec = FRAME_SETS["hard" if name == "weather" else "complex"]
+        scene = draw_scene(spec, names[index % len(names)], rng)
 
         def changed(marking: Marking, asphalt: float = scene.asphalt) -> Marking:
             match name:
+                case "weather":
+                    return marking
                 case "worn":
                     return replace(marking, remaining_paint_share=0.0)
                 case "dots":
@@ -111,14 +115,15 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     mounting = Mounting(height_m=paper.height_m, pitch_rad=paper.pitch_rad)
     mounted = Camera(320, 240, paper.fx, paper.fy, paper.cx, paper.cy, mounting=mounting)
     rows, right, empty = [], [], []
-    for name in ("complex", "hard", "worn", "dots", *EMPTY):
-        made = drawn(name, n, seed) if name in ("worn", "dots", *EMPTY) else iter_set_frames(name, n, seed=seed)
+    for name in ("complex", "hard", "weather", "worn", "dots", *EMPTY):
+        made = iter_set_frames(name, n, seed=seed) if name in FRAME_SETS else drawn(name, n, seed)
         for frame in made:
             for camera in (mounted, default_camera(320, 240, Mounting())):
                 prior, votes = first_frame_prior(camera), 1.0
-                if not prior.is_mounting_known:
-                    prior, votes = prior_with_vanishing_point(frame.grey, prior)
-                lanes, values, evidence = search_first_frame(frame.grey, camera, prior)
+                if prior.is_mounting_known:
+                    lanes, values, evidence = search_first_frame(frame.grey, camera, prior)
+                else:
+                    lanes, values, evidence, votes = search_first_frame_at_vanishing_points(frame.grey, camera, prior)
                 u = _columns(fit_boundary_parabolas(lanes[0], camera))
                 truth, low = frame.truth, np.arange(240) >= 90
                 score = visual_standard_score(
@@ -128,8 +133,7 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
                 for side, share in enumerate((score.left_share, score.right_share)):
                     if np.isnan(share):
                         continue
-                    own = probability_features_of_left_and_right(evidence, lanes[0], float(values[0]))[side]
-                    rows.append((*own, min(votes - CLEAR_VOTE_SHARE, 0.0)))
+                    rows.append(first_frame_probability_features(evidence, lanes, values, votes, 240)[side])
                     right.append(float(share >= VISUAL_MIN_ROW_SHARE and name not in EMPTY))
                     empty.append(float(EMPTY.index(name) + 1 if name in EMPTY else 0))
     return np.array(rows), np.array(right), np.array(empty)
@@ -140,22 +144,23 @@ def _columns(parabolas: FloatArray) -> FloatArray:
     return np.asarray((parabolas[:, :1] * y + parabolas[:, 1:2]) * y + parabolas[:, 2:] - 1.0)
 
 
-def varied_samples(half: int, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Features (m, 5) of the boundaries of every second labelled picture in every kind of `lane_variants` and whether
+def varied_samples(half: int, seed: int, kinds: Iterable[str]) -> tuple[FloatArray, FloatArray]:
+    """Features (m, 5) of the boundaries of every second labelled picture in some kinds of `lane_variants` and whether
     each is right; of the pictures in `UPSIDE_DOWN` also upside down, where none is right.
 
     Args:
         half: 0: the pictures of even numbers, 1: the odd ones.
         seed: Draws the weather and the damage.
     """
+    chosen = list(kinds)
     rows, right = [], []
     for number, (frame, lanes, rows_px) in enumerate(labelled(LOG, lambda width, height: (width, height))):
         if number % 2 != half:
             continue
         assert frame.image is not None
         picture = Picture(np.asarray(frame.image), lanes, np.asarray(rows_px, np.float64))
-        for name, change in KINDS.items():
-            made = change(picture, np.random.default_rng([number, sum(map(ord, name)), seed]))
+        for name in chosen:
+            made = KINDS[name](picture, np.random.default_rng([number, sum(map(ord, name)), seed]))
             height, width = made.grey.shape
             size = search_size(width, height)
             how = cv2.INTER_AREA if size[0] <= width else cv2.INTER_LINEAR
@@ -176,8 +181,8 @@ def _searched_boundaries(
     grey: GreyImage, camera: Camera, rows_px: FloatArray
 ) -> tuple[list[tuple[float, ...]], list[FloatArray]]:
     """Features and columns of both boundaries that a search of one picture has found."""
-    prior, votes = prior_with_vanishing_point(grey, first_frame_prior(camera))
-    found, values, evidence = search_first_frame(grey, camera, prior)
+    prior = first_frame_prior(camera)
+    found, values, evidence, votes = search_first_frame_at_vanishing_points(grey, camera, prior)
     sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in fit_boundary_parabolas(found[0], camera).tolist()]
     fit = LaneFit(
         sides[0],
@@ -185,10 +190,8 @@ def _searched_boundaries(
         pitch_rad=pitch_from_horizon_rad(found[0], camera),
         roads=boundary_road_curves(found[0], prior.pinhole),
     )
-    features = probability_features_of_left_and_right(evidence, found[0], float(values[0]))
-    return [(*each, min(votes - CLEAR_VOTE_SHARE, 0.0)) for each in features], list(
-        lines_of(fit, camera, rows_px, HEIGHT_PX)
-    )
+    features = first_frame_probability_features(evidence, found, values, votes, camera.height_px)
+    return list(features), list(lines_of(fit, camera, rows_px, HEIGHT_PX))
 
 
 def fitted(x: FloatArray, right: FloatArray, weight: FloatArray) -> FloatArray:
@@ -199,18 +202,28 @@ def fitted(x: FloatArray, right: FloatArray, weight: FloatArray) -> FloatArray:
         likelihood = weight @ (right * np.log(p) + (1.0 - right) * np.log1p(-p))
         return float(0.5 * SCALE * (made[:-1] @ made[:-1]) - likelihood)
 
-    start = np.concatenate([np.zeros(x.shape[1]), [FIRST_LAPSE]])
-    limits = [(-MOST, MOST), (0.0, MOST), (0.0, MOST), (-MOST, 0.0), (0.0, MOST), (0.0, 0.5)]
+    start = np.array([0.0, 0.0, 0.0, 0.0, 1.0, FIRST_LAPSE])
+    limits = [(-MOST, MOST), (0.0, MOST), (-MOST, 0.0), (0.0, MOST), (1.0, 1.0), (0.0, 0.5)]
     return np.asarray(minimize(loss, start, method="L-BFGS-B", bounds=limits, options={"maxiter": 2000}).x)
 
 
-def fitted_on_both(rendered: tuple[FloatArray, FloatArray], real: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """Coefficients and lapse from rendered and labelled boundaries: features and whether right of each."""
-    shares = (1.0 - LABELLED_SHARE, LABELLED_SHARE)
-    weight = np.concatenate(
-        [np.full(len(y), share / len(y)) for (_, y), share in zip((rendered, real), shares, strict=True)]
-    )
-    return fitted(np.concatenate([rendered[0], real[0]]), np.concatenate([rendered[1], real[1]]), weight)
+def joined(parts: Iterable[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    """Several samples as one."""
+    features, right = zip(*parts, strict=True)
+    return np.concatenate(features), np.concatenate(right)
+
+
+def varied_samples_of_half(half: int) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """Samples of one half of the labelled pictures: in weather, and in the other kinds."""
+    seeds = VARIED_SEEDS[half]
+    weather = joined(varied_samples(half, seed, WEATHER) for seed in seeds)
+    return weather, varied_samples(half, seeds[0], [name for name in KINDS if name not in WEATHER])
+
+
+def fitted_on_groups(groups: list[tuple[tuple[FloatArray, FloatArray], float]]) -> FloatArray:
+    """Coefficients and lapse from groups of boundaries (features, whether right), each with its share of the weight."""
+    weight = np.concatenate([np.full(len(right), share / len(right)) for (_, right), share in groups])
+    return fitted(*joined(sample for sample, _ in groups), weight)
 
 
 def chances(x: FloatArray, made: FloatArray) -> FloatArray:
@@ -235,14 +248,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=50, help="of each set")
     n = parser.parse_args().frames
-    fit_on = [samples(seed, n) for seed in FIT_SEEDS]
-    rendered = np.concatenate([each[0] for each in fit_on]), np.concatenate([each[1] for each in fit_on])
-    made = fitted_on_both(rendered, varied_samples(0, VARIED_SEEDS[0]))
-    in_use = np.array([*BOUNDARY_LOG_ODDS_WEIGHTS, LOG_ODDS_PER_VOTE_SHARE, PROBABILITY_OF_WELL_SEEN_OTHER_LINE])
-    print("coefficients and lapse", np.round(made, 2).tolist(), "in use", in_use.tolist())
-    real_x, real_right = varied_samples(1, VARIED_SEEDS[1])
-    print("varied pictures of the other half:")
-    print(reliability(chances(real_x, in_use), real_right))
+    rendered = joined(samples(seed, n)[:2] for seed in FIT_SEEDS)
+    weather, others = varied_samples_of_half(0)
+    shares = (1.0 - WEATHER_SHARE - LABELLED_SHARE, WEATHER_SHARE, LABELLED_SHARE)
+    made = fitted_on_groups(list(zip((rendered, weather, others), shares, strict=True)))
+    in_use = np.array([*FIRST_FRAME_LOG_ODDS_WEIGHTS, PROBABILITY_OF_OTHER_LINE_IN_FIRST_FRAME])
+    print("coefficients and lapse", np.round(made, 3).tolist(), "in use", in_use.tolist())
+    for name, (real_x, real_right) in zip(("weather", "other kinds"), varied_samples_of_half(1), strict=True):
+        print(f"pictures of the other half, {name}:")
+        print(reliability(chances(real_x, in_use), real_right))
     x, right, empty = samples(SHOWN_SEED, n)
     p = chances(x, in_use)
     print(f"{len(p)} boundaries, {right.mean():.3f} right, Brier score {np.mean((p - right) ** 2):.3f}\n")

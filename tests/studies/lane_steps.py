@@ -27,7 +27,7 @@ from cwcli.vision.line_classifier import LineClassifier
 
 STEPS = {
     "search": (
-        "find_vanishing_point",
+        "find_vanishing_points",
         "best_lanes_of_grid",
         "refine_lanes",
         "lane_objectives",

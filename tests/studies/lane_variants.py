@@ -157,10 +157,12 @@ def scores(kinds: dict[str, Change], seed: int) -> dict[str, FloatArray]:
 
 
 def reliability(made: FloatArray) -> str:
-    """Return how many boundaries have a probability of 0.5 or more, their mean probability, and the share that is right."""
-    sides = made[..., 3:].reshape(-1, 2)
-    sure = sides[sides[:, 0] >= 0.5]
-    return "none" if not len(sure) else f"{len(sure)}: {sure[:, 0].mean():.2f}, {sure[:, 1].mean():.2f}"
+    """Shares of the boundaries that are right, and wrong, with a probability of at least 0.5; and the mean
+    probability."""
+    probability, right = made[..., 3:].reshape(-1, 2).T
+    sure = probability >= 0.5
+    shares = (sure * right).mean(), (sure * (1.0 - right)).mean(), probability.mean()
+    return " / ".join(f"{share:.3f}" for share in shares)
 
 
 def row(name: str, made: FloatArray) -> str:
@@ -188,8 +190,8 @@ def main() -> None:
     options = parser.parse_args()
     chosen = options.kinds if options.groups is None else ["as it is", *(k for g in options.groups for k in GROUPS[g])]
     made = scores({name: change for name, change in KINDS.items() if name in chosen}, options.seed)
-    print("accuracy / false / missed; of p >= 0.5: boundaries, mean p, right")
-    print("| kind | even | odd | all | p |\n|---|---|---|---|---|")
+    print("accuracy / false / missed; of all boundaries: right and p >= 0.5 / wrong and so / mean p")
+    print("| kind | even | odd | all | boundaries |\n|---|---|---|---|---|")
     for name, each in made.items():
         print(row(name, each))
     before = None if options.beside is None else dict(np.load(options.beside))

@@ -13,8 +13,11 @@ from cwcli.signals.lane_geometry import Pinhole
 from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.boundary_probability import (
     BOUNDARY_LOG_ODDS_WEIGHTS,
+    FIRST_FRAME_LOG_ODDS_WEIGHTS,
+    PROBABILITY_OF_OTHER_LINE_IN_FIRST_FRAME,
     PROBABILITY_OF_WELL_SEEN_OTHER_LINE,
     boundary_probabilities,
+    first_frame_boundary_probabilities,
     left_and_right_paint_shares,
     probability_features_of_left_and_right,
     road_clutter_share,
@@ -76,6 +79,23 @@ def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
     assert told[1] == pytest.approx((1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE) / (1.0 + math.exp(-by_hand)))
     own = left_and_right_paint_shares(seen, LANE)[0]  # of a lane both of whose boundaries are like this one
     assert boundary_probabilities(seen, LANE, 9.0, 0)[0] == boundary_probabilities(seen, LANE, 2.0 * own)[0]
+
+
+def test_rivals_of_a_first_frame_take_their_shares_by_hand() -> None:
+    """The second lane is worse by 0.12, so it counts exp(-1), and has other lines; the third shares the left line."""
+    seen = evidence(np.zeros((90, 320)))
+    beside, wider = LANE.copy(), LANE.copy()
+    beside[1] += 0.3
+    wider[1:3] = 0.25, 1.5  # the left boundary stays at -0.5
+    z = FIRST_FRAME_LOG_ODDS_WEIGHTS @ [1.0, math.log(0.4 + 0.02), 0.0, 0.2 - 0.33, 0.0]
+    most = 1.0 - PROBABILITY_OF_OTHER_LINE_IN_FIRST_FRAME
+    for lanes, values, weights in (
+        ([LANE], [0.4], (0.0, 0.0)),
+        ([LANE, beside], [0.4, 0.28], (math.exp(-1.0), math.exp(-1.0))),
+        ([LANE, beside, wider], [0.4, 0.28, 0.4], (math.exp(-1.0), 1.0 + math.exp(-1.0))),
+    ):
+        told = first_frame_boundary_probabilities(seen, np.array(lanes), np.array(values), 0.2, 190)
+        assert told == pytest.approx([most / (1.0 + (1.0 + weight) * math.exp(-z)) for weight in weights])
 
 
 def test_what_looks_like_stripes_everywhere_is_no_boundary() -> None:
