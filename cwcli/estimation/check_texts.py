@@ -28,6 +28,7 @@ class SourceComparisonCheck(StrEnum):
         COURSE: The difference of heading or course, rad.
         SPEED_CHANGE: The ratio of the changes of speed.
         ACCEL_BIAS: The difference of the accelerations, m/s^2.
+        SLOW_ACCEL: The time after which an acceleration that lasts is no more seen, s.
     """
 
     WAY = "way"
@@ -36,6 +37,7 @@ class SourceComparisonCheck(StrEnum):
     COURSE = "course"
     SPEED_CHANGE = "speed change"
     ACCEL_BIAS = "accel bias"
+    SLOW_ACCEL = "slow accel"
 
     def ratio_or_difference_with_sources_exchanged(self, ratio_or_difference: float) -> float:
         """Return the number with the two sources exchanged."""
@@ -45,7 +47,7 @@ class SourceComparisonCheck(StrEnum):
                 if ratio_or_difference == 0.0
                 else 1.0 / ratio_or_difference
             )
-        return -ratio_or_difference
+        return ratio_or_difference if self is SourceComparisonCheck.SLOW_ACCEL else -ratio_or_difference
 
     def contradiction_text(self, blamed_kind: Kind, other_kind: Kind, ratio_or_difference: float) -> str:
         """Return a text on how one source contradicts another."""
@@ -61,7 +63,16 @@ class SourceComparisonCheck(StrEnum):
         if self is SourceComparisonCheck.SPEED_CHANGE:
             axis = "its forward axis shows" if blamed_kind is Kind.ACCEL else "it shows"
             return f"{axis} {ratio_or_difference:.2f} times the change of speed"
-        return f"its forward acceleration is {ratio_or_difference:+.2f} m/s^2 off"
+        return _forward_acceleration_text(
+            blamed_kind, ratio_or_difference, is_slow=self is SourceComparisonCheck.SLOW_ACCEL
+        )
+
+
+def _forward_acceleration_text(who: Kind, difference_or_time_s: float, *, is_slow: bool) -> str:
+    if not is_slow:
+        return f"its forward acceleration is {difference_or_time_s:+.2f} m/s^2 off"
+    name = "it" if who is Kind.ACCEL else "the other one"
+    return f"{name} loses accelerations in {difference_or_time_s:.0f} s, as if its slow part were filtered out"
 
 
 def _turn_contradiction_text(turn_ratio: float) -> str:

@@ -21,6 +21,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
+from cwcli.estimation.slow_accel import time_constant_of_missing_slow_part_s
 from cwcli.estimation.step_evidence import FIX_KINDS, MIN_COURSE_SPEED_MPS
 from cwcli.estimation.step_motion import (
     MIN_FIX_DISTANCE_FOR_COURSE_M,
@@ -239,6 +240,8 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
                 judgement, number = _judgement_and_ratio_of_regressed_turns(
                     [(motions[i], motions[j]) for _, motions in by_length]
                 )
+            if check is SourceComparisonCheck.SPEED_CHANGE and judgement is Judgement.UNKNOWN:
+                found += _list_missing_slow_part(one, other, [(motions[i], motions[j], s) for s, motions in by_length])
             if judgement is Judgement.UNKNOWN or (
                 check in CHECKS_THAT_ONLY_CONTRADICT and judgement is Judgement.AGREE
             ):
@@ -250,6 +253,26 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
             ):
                 break  # what differs by a factor differs by a constant, too
     return found
+
+
+def _list_missing_slow_part(
+    one: SourceQuantity, other: SourceQuantity, pairs: Sequence[tuple[StepMotion, StepMotion, float]]
+) -> list[SourceComparison]:
+    """Return a contradiction of an accelerometer without its slow part and the fixes, or nothing; see `slow_accel`.
+
+    Args:
+        one, other: The sources.
+        pairs: Their motions, and the length of the steps, s.
+    """
+    if {one.kind, other.kind} != {Kind.ACCEL, Kind.POSITION}:
+        return []
+    for first, second, step_s in reversed(pairs):
+        accel, fixes = (first, second) if first.kind is Kind.ACCEL else (second, first)
+        time_constant_s = time_constant_of_missing_slow_part_s(accel, fixes, step_s)
+        if math.isfinite(time_constant_s):
+            check = SourceComparisonCheck.SLOW_ACCEL
+            return [SourceComparison(check, one, other, Judgement.CONTRADICT, time_constant_s)]
+    return []
 
 
 def judgement_and_number_of_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgement, float]:

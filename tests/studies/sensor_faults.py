@@ -681,5 +681,5 @@ SOFTWARE_FAULTS = (
     Fault("fix of another datum after a pause", Kind.POSITION, unchanged, ("ego_position",), rewrite=with_new_datum_after_pause(6.0, -4.0), is_drift=True),
 )  # fmt: skip
 """Faults of drivers and recorders, thought of when all others were found. The datum is a drift: with an IMU alone, no
-source shows it. The speed of the east shows nothing on a straight road, and without its slow part an accelerometer costs
-accuracy that sigma does not hold in every scenario. A sensor that ends early is a doubt of the whole log (`cwcli.evaluation.doubts.silences`)."""
+source shows it. The speed of the east shows nothing on a straight road. A sensor that ends early is a doubt of the whole
+log (`cwcli.evaluation.doubts.silences`)."""

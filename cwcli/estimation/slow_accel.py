@@ -1,0 +1,55 @@
+"""Find an accelerometer whose slow part was filtered out, by the fixes.
+
+A high-pass filter of first order with the time constant T makes y of an acceleration a, with y' = a' - y / T. So
+a = y + V / T, with V the integral of y: what the changes of speed by the fixes have beyond those by the accelerometer
+is then in proportion to V. For a right accelerometer it is not: it is noise, slopes, a bias and its drift.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cwcli.estimation.median import median_of_finite_values
+from cwcli.estimation.step_motion import StepMotion
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
+
+MIN_STEPS_FOR_SLOW_PART = 12
+"""Least number of changes of speed from step to step: four for each fitted number. Chosen by hand; not fitted."""
+MIN_SLOW_PART_SIGMAS = 8.0
+"""Least 1 / T in sigmas. Chosen by hand, not fitted: slopes that wander look like it by 3 sigmas (Dickey and Fuller),
+and the errors of fixes last for some steps."""
+MAX_TIME_CONSTANT_OF_FILTER_S = 30.0
+"""Greatest time constant that is told from slopes, s: hills of a few hundred metres last as long. Chosen by hand."""
+MAX_RESIDUAL_SCATTERS = 4.0
+"""Greatest residual, in scatters, that the second pass uses; jumps of fixes lie beyond. Chosen by hand."""
+
+
+def time_constant_of_missing_slow_part_s(accel: StepMotion, fixes: StepMotion, step_s: float) -> float:
+    """Return the time constant of the high-pass filter behind an accelerometer; NaN where none shows.
+
+    Args:
+        accel, fixes: Motion by the accelerometer and the fixes in the same steps.
+        step_s: Length of the steps.
+    """
+    own, true = accel.speed_change_mps, fixes.speed_change_mps
+    rows = np.isfinite(own) & np.isfinite(true)
+    integral = np.concatenate(([0.0], np.cumsum(np.where(np.isfinite(own), own, 0.0))))
+    n = len(own)
+    columns = np.column_stack([0.5 * step_s * (integral[1:] + integral[:-1]), np.ones(n), np.arange(n)])
+    slope, sigma = math.nan, math.nan
+    for _ in range(2):
+        if int(rows.sum()) < MIN_STEPS_FOR_SLOW_PART:
+            return math.nan
+        constants, _, rank, _ = np.linalg.lstsq(columns[rows], (true - own)[rows], rcond=None)
+        rest = true - own - columns @ constants
+        inverse = np.linalg.pinv(columns[rows].T @ columns[rows])
+        slope, n_free = float(constants[0]), int(rows.sum()) - 3
+        sigma = math.sqrt(max(float(inverse[0, 0]) * float(np.square(rest[rows]).sum()) / n_free, 0.0))
+        if rank < 3:
+            return math.nan
+        scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(rest[rows]))
+        rows[rows] = np.abs(rest[rows]) <= MAX_RESIDUAL_SCATTERS * scatter
+    is_clear = slope > MIN_SLOW_PART_SIGMAS * sigma and slope * MAX_TIME_CONSTANT_OF_FILTER_S > 1.0
+    return 1.0 / slope if is_clear else math.nan
