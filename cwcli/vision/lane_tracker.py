@@ -95,7 +95,7 @@ MAX_SEARCH_PIXELS = 230_400
 because thresholds and constants were chosen on it. Chosen by hand: it bounds the time of a frame."""
 MIN_FOUND_PROBABILITY = 0.5
 """Probability from which a boundary counts as found. Fitted on rendered and labelled frames: one boundary in a hundred
-is then found on rendered roads without paint (docs/decisions.md)."""
+is then found on rendered roads without paint."""
 MAX_FOLLOWED_LANE_HYPOTHESES = 3
 """Greatest number of lanes that are followed side by side. Chosen by hand; not fitted."""
 RIVAL_SEARCH_INTERVAL_FRAMES, DOUBTFUL_RIVAL_SEARCH_INTERVAL_FRAMES = 10, 3

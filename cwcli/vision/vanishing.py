@@ -44,7 +44,7 @@ DARK_QUANTILE, BRIGHT_QUANTILE = 0.01, 0.99
 """Quantiles of the grey levels between which a picture's contrast is measured. Chosen by hand; not fitted."""
 DAYLIGHT_CONTRAST_GREY = 150
 """Contrast in grey levels to which pictures with less are stretched: that of daylight. Stretching to all levels finds
-segments in the road's grain (docs/decisions.md)."""
+segments in the road's grain."""
 MIN_ASSUMED_CONTRAST_GREY = 16
 """Least contrast in grey levels that the stretching assumes: pictures with less hold nothing but noise. Chosen by hand;
 not fitted."""
