@@ -141,7 +141,7 @@ def _resting_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_known: Bool
         far_rows = np.flatnonzero(np.hypot(*(fixes_m[:last] - fixes_m[last]).T) > radius_m)
         begin = int(far_rows[-1]) + 1 if len(far_rows) else 0
         lasts_long = time_s[last] - time_s[begin] >= MIN_DURATION_OF_RESTING_FIXES_S
-        goes_on = step_m[last] > MIN_MOVING_SPEED_MPS * (time_s[last + 1] - time_s[begin])
+        goes_on = step_m[last] > max(radius_m, MIN_MOVING_SPEED_MPS * (time_s[last + 1] - time_s[begin]))
         if (
             lasts_long
             and goes_on

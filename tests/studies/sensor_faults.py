@@ -482,7 +482,8 @@ def of_two_receivers(east_m: float, north_m: float, late_s: float) -> Change:
 
     def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
         is_other = np.arange(len(values))[:, None] % 2 == 1
-        return np.where(is_other, lagging(late_s)(time_s, values) + (east_m, north_m), values)
+        late = np.column_stack([np.interp(time_s - late_s, time_s, column) for column in values.T])
+        return np.where(is_other, late + (east_m, north_m), values)
 
     return change
 

@@ -95,6 +95,14 @@ def test_a_car_that_stands_and_a_way_without_a_jump_rest_lawfully() -> None:
     assert not len(resting_rows(np.rint(evenly_driven_m(0.5) / 11.0) * 11.0))
 
 
+def test_fixes_of_two_receivers_in_turns_do_not_rest() -> None:
+    """Every second fix lies 30 m to the side: a slow car stays for ten seconds within four sigmas of such a noise."""
+    speed = np.repeat([10.0, 0.5, 10.0], [200, 100, 200])
+    fixes_m = np.column_stack([0.1 * np.cumsum(speed), np.zeros(500)])
+    fixes_m[1::2, 1] += 30.0
+    assert not len(resting_rows(fixes_m))
+
+
 def test_fixes_that_are_repeated_all_the_time_are_not_stuck() -> None:
     slow = np.repeat(FIXES_M[::60], 60, axis=0)  # one each 3 s
     assert not frozen_row_mask(Kind.POSITION, TIME_S, slow, FixMotion(TIME_S, slow)).any()
