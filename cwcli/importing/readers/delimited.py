@@ -16,7 +16,7 @@ from typing import Any
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.tables import Answers, ColumnsOfRows, Question, SourceTable
-from cwcli.importing.text_file import TextHead, decode_text_head, no_text_error, read_head
+from cwcli.importing.text_file import MAX_LINE_CHARACTERS, TextHead, decode_text_head, no_text_error, read_head
 from cwcli.importing.units import is_unit_text
 from cwcli.lazy_dataclass import dataclass
 
@@ -32,6 +32,8 @@ MAX_LINES_IN_QUOTED_CELL = 10
 """Greatest number of lines of a text in quotes. Chosen by hand."""
 MAX_SHARE_OF_ROWS_WITH_WRONG_CELL_COUNT = 0.05
 """Largest share of rows with a wrong number of cells that are left out; more is an error. Chosen by hand."""
+MAX_ROWS_WITH_WRONG_CELL_COUNT = 100_000
+"""Greatest number of such rows, each of which takes 10 microseconds. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -189,14 +191,19 @@ def _rows_with_name_for_empty_end(
 class _TabsForBlanks(io.RawIOBase):
     """An open file whose runs of blanks are read as single tabs."""
 
-    def __init__(self, file: Any) -> None:
-        self.file = file
+    def __init__(self, file: Any, where: str) -> None:
+        self.file, self.where = file, where
 
     def readable(self) -> bool:
         return True
 
     def read(self, size: int = -1) -> bytes:
-        lines: list[bytes] = self.file.readlines(size)
+        data: bytes = self.file.read(size)
+        if not data.endswith(b"\n"):
+            data += self.file.readline(MAX_LINE_CHARACTERS)
+        lines = data.splitlines()
+        if max(map(len, lines), default=0) >= MAX_LINE_CHARACTERS:
+            raise InputError(f"a line has more than {MAX_LINE_CHARACTERS - 1:,} characters", where=self.where)
         return b"".join(b"\t".join(line.split()) + b"\n" for line in lines)
 
 
@@ -238,7 +245,7 @@ def iter_text_rows(
     def count_and_skip_row(row: Any) -> str:
         n_bad[0] += 1
         longest[0] = max(longest[0], row.text or "", key=lambda text: text.count("\n"))
-        return "skip"  # Arrow passes no error on
+        return "skip" if n_bad[0] <= MAX_ROWS_WITH_WRONG_CELL_COUNT else "error"  # Arrow passes no error of ours on
 
     n_rows = 0
     with io.BytesIO(source) if isinstance(source, bytes) else Path(source).open("rb") as file:
@@ -247,7 +254,7 @@ def iter_text_rows(
         _skip_lines(file, head, layout.n_head_lines)
         try:
             reader = arrow_csv.open_csv(
-                _TabsForBlanks(file) if layout.separator == " " else file,
+                _TabsForBlanks(file, where) if layout.separator == " " else file,
                 read_options=arrow_csv.ReadOptions(
                     column_names=list(layout.names),
                     encoding=head.encoding,
@@ -271,6 +278,8 @@ def iter_text_rows(
                 yield {name: batch.column(name) for name in columns}
         except (pa.ArrowInvalid, UnicodeError) as error:
             said = str(error).splitlines()[0]
+            if n_bad[0] > MAX_ROWS_WITH_WRONG_CELL_COUNT:
+                said = f"more than {MAX_ROWS_WITH_WRONG_CELL_COUNT:,} rows have not {len(layout.names)} columns"
             if n_rows == 0 and n_bad[0] == 0 and "Empty" in said:
                 raise InputError("it has a line of names and no rows", where=where) from error
             raise InputError(f"it can't be read as separated text: {said}", where=where) from error

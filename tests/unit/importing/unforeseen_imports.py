@@ -29,6 +29,10 @@ from tests.unit.importing.hostile_imports import (
 TERABYTE = 1 << 40
 
 
+RTKLIB = b"% program : x\n%  GPST   latitude(deg) longitude(deg)  height(m)   Q\n"
+VBOX = b"File created on 01/01/2020 at 10:00\n[column names]\nsats time lat long velocity heading height\n[data]\n"
+
+
 def sparse(name: str, head: bytes, rows: bytes = b"") -> Make:
     """A file that begins like others and goes on with a terabyte of zeros, which take no room on the disk.
 
@@ -185,6 +189,15 @@ UNFORESEEN: dict[str, Make] = {
         "a.gpx", "<gpx " + " ".join(f"xmlns:n{k}='u{k}'" for k in range(100_000)) + "></gpx>"
     ),
     # CAN
+    "kml, 4 million places": repeated(
+        "a.kml",
+        b"<gx:coord>1 2 3</gx:coord>\n" * 10_000,
+        400,
+        b'<kml xmlns:gx="x"><gx:Track>',
+        b"</gx:Track></kml>",
+    ),
+    "rtklib, a line of 300 MB": repeated("a.pos", b"1 " * 500_000, 300, RTKLIB),
+    "vbox, 500,000 rows of one cell": repeated("a.vbo", b"[data]\n", 500_000, VBOX),
     "dbc, a multiplexer of 2^32 values": with_dbc(candump, MULTIPLEXED),
     "dbc, a multiplexer of itself": with_dbc(
         candump, MULTIPLEXED.replace("Speed Mode 0-4294967295", "Speed Speed 0-1")
