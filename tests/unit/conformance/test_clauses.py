@@ -71,8 +71,8 @@ SOURCE_NUMBERS: dict[str, dict[str, tuple[tuple[float, ...], str]]] = {
     "j2945-1": {},
 }
 """Clause -> number -> values and unit, copied from the sources by hand, apart from the files."""
-BRAKING_ONSET_OF_49_CFR = {"TOL subject-onset": ((0.15,), "g")}
-TOLERANCES_OF_UN = {
+BRAKING_ONSET_OF_49_CFR: dict[str, tuple[tuple[float, ...], str]] = {"TOL subject-onset": ((0.15,), "g")}
+TOLERANCES_OF_UN: dict[str, tuple[tuple[float, ...], str]] = {
     "TOL subject-speed": ((2,), "km/h"), "TOL other-speed": ((2,), "km/h"), "TOL lateral-offset": ((0.5,), "m"),
     "clearance": ((4.5,), "m"), **BRAKING_ONSET_OF_49_CFR,
 }  # fmt: skip
