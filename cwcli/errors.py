@@ -56,6 +56,8 @@ EXIT_CODES = {
 MAX_LIKENESS_GAP_TO_NEAREST_NAME = 0.1
 """Greatest difference in likeness (`SequenceMatcher.ratio`, 0 to 1) from the most similar name at which a name is
 suggested, too. Chosen by hand."""
+MIN_CHARS_OF_HELD_NAME, MAX_SUGGESTED_NAMES_THAT_HOLD_IT = 3, 3
+"""A name with as many characters, which at most so many names hold, suggests these. Chosen by hand."""
 
 
 def install_hint(extra: str) -> str:
@@ -128,7 +130,7 @@ class OutputError(CwcliError):
 
 
 def hint_at_closest_or_all_known_names(name: str, known: Iterable[str], label: str = "one of") -> str:
-    """Return a hint for a name that is not in a list: the closest names, else all of them.
+    """Return a hint for a name that is not in a list: the closest names, or the few that hold it, else all of them.
 
     Args:
         label: Words in front of the list of all names.
@@ -141,4 +143,6 @@ def hint_at_closest_or_all_known_names(name: str, known: Iterable[str], label: s
     near = [
         each for each, share in zip(near, shares, strict=True) if share >= shares[0] - MAX_LIKENESS_GAP_TO_NEAREST_NAME
     ]
+    holding = [each for each in names if name.lower() in each.lower()] if len(name) >= MIN_CHARS_OF_HELD_NAME else []
+    near = near or (holding if len(holding) <= MAX_SUGGESTED_NAMES_THAT_HOLD_IT else [])
     return f"did you mean {' or '.join(near)}?" if near else f"{label}: {', '.join(names)}"

@@ -37,8 +37,9 @@ def find_cut_outs(evidence: EventEvidence) -> Iterator[Moment]:
 
 def _find_cuts(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
     """Yield cut-ins or cut-outs: from a side on the line to wholly inside the lane, or back."""
+    other_ids = [other_id for other_id, _ in evidence.iter_pairs()]
     own_changes = [(each.start_ns, each.end_ns) for each in find_lane_changes(evidence)]
-    for other_id, _ in evidence.iter_pairs():
+    for other_id in other_ids:
         projected = project_on_own_path(evidence, other_id)
         for first, last in _iter_first_and_last_crossing_row(projected, is_in=is_in):
             place_ns = projected.passed_ns[first], projected.passed_ns[last]

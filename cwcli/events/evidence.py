@@ -29,6 +29,7 @@ from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_eg
 
 if TYPE_CHECKING:
     from cwcli.events.base import Moment
+    from cwcli.events.own_path import OnOwnPath
 
 SENSOR_ROLES = (
     Role.EGO_SPEED,
@@ -64,6 +65,7 @@ class EventEvidence:
 
     Attributes:
         lane_changes: The ego's lane changes, once they have been looked for; three kinds of events need them.
+        on_own_path: Other vehicle -> its projection on the ego's way, once it was asked for; five kinds need it.
     """
 
     def __init__(self, log: Log, other_system: OtherSystemTopics | None = None) -> None:
@@ -72,6 +74,7 @@ class EventEvidence:
         self._selection = StatesSelection(states="hindsight")
         self._pairs: dict[str, Pair] = {}
         self.lane_changes: tuple[Moment, ...] | None = None
+        self.on_own_path: dict[str, OnOwnPath] = {}
 
     @cached_property
     def tracks(self) -> TracksOfLog:
@@ -80,8 +83,10 @@ class EventEvidence:
         Raises:
             MissingSignalError: The log holds no states of the ego.
         """
-        bound = self._bind_state_channels(OTHER_VEHICLE_ROLES)
-        return read_ego_and_other_tracks(self.log, bound, self._selection, ego=self._ego)[0]
+        bound, known = self._bind_state_channels(OTHER_VEHICLE_ROLES), vars(self).get("_ego")
+        tracks = read_ego_and_other_tracks(self.log, bound, self._selection, ego=known)[0]
+        self._ego = tracks.ego
+        return tracks
 
     @cached_property
     def _ego(self) -> VehicleStates:

@@ -63,6 +63,12 @@ class OnOwnPath:
 
 def project_on_own_path(evidence: EventEvidence, other_id: str) -> OnOwnPath:
     """Project another vehicle on the ego's driven way, at times `PROJECTION_TIME_STEP_S` apart."""
+    if other_id not in evidence.on_own_path:
+        evidence.on_own_path[other_id] = _compute_projection(evidence, other_id)
+    return evidence.on_own_path[other_id]
+
+
+def _compute_projection(evidence: EventEvidence, other_id: str) -> OnOwnPath:
     pair = evidence.pair_with_ego(other_id)
     rows = rows_one_grid_step_apart(evidence.stamp_ns)
     stamp_ns = evidence.stamp_ns[rows]
@@ -125,15 +131,19 @@ class DrivenWay:
 
     def project_and_find_passing_ns(self, theirs: FloatArray, ego_along_m: FloatArray) -> tuple[FloatArray, Int64Array]:
         """Project states (m, 4) on the way near the ego: (ahead, left, turn), (3, m), and when the ego is there."""
-        reach = np.arange(
-            -round(PROJECTED_DISTANCE_BEHIND_M / DRIVEN_WAY_POINT_SPACING_M),
-            round(PROJECTED_DISTANCE_AHEAD_M / DRIVEN_WAY_POINT_SPACING_M) + 1,
+        n_behind, n_ahead = (
+            round(reach_m / DRIVEN_WAY_POINT_SPACING_M)
+            for reach_m in (PROJECTED_DISTANCE_BEHIND_M, PROJECTED_DISTANCE_AHEAD_M)
         )
-        points = np.clip(
-            np.round(ego_along_m / DRIVEN_WAY_POINT_SPACING_M).astype(int)[:, None] + reach, 0, len(self.along_m) - 1
+        at = np.clip(np.round(ego_along_m / DRIVEN_WAY_POINT_SPACING_M).astype(int), 0, len(self.along_m) - 1)
+        x_m, y_m = (
+            np.lib.stride_tricks.sliding_window_view(
+                np.pad(each, (n_behind, n_ahead), mode="edge"), n_behind + 1 + n_ahead
+            )
+            for each in (self._x_m, self._y_m)
         )
-        apart_m2 = (self._x_m[points] - theirs[:, :1]) ** 2 + (self._y_m[points] - theirs[:, 1:2]) ** 2
-        best = points[np.arange(len(points)), apart_m2.argmin(axis=1)]
+        apart_m2 = (x_m[at] - theirs[:, :1]) ** 2 + (y_m[at] - theirs[:, 1:2]) ** 2
+        best = np.clip(at - n_behind + apart_m2.argmin(axis=1), 0, len(self.along_m) - 1)
         dx_m, dy_m = theirs[:, 0] - self._x_m[best], theirs[:, 1] - self._y_m[best]
         heading_rad = np.asarray(self._heading_rad)[best]
         cosine, sine = np.cos(heading_rad), np.sin(heading_rad)

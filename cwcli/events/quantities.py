@@ -107,7 +107,10 @@ def read_field_times_ns_and_values(evidence: EventEvidence, name: str) -> tuple[
         known = list(log.columns(topic).fields)
         what = f"{topic} has no field {field}"
         raise MissingSignalError(what, where=log.name, hint=hint_at_closest_or_all_known_names(field, known, "fields"))
-    return columns.log_time_ns, read_numbers(columns, field)
+    values = read_numbers(columns, field)
+    if len(values) and not isinstance(columns.fields[field], np.ndarray) and np.isnan(values).all():
+        raise MissingSignalError(f"{field} of {topic} holds no numbers", where=log.name)
+    return columns.log_time_ns, values
 
 
 def last_value_before_grid_times(times_ns: Int64Array, values: FloatArray, grid_ns: Int64Array) -> FloatArray:
@@ -130,18 +133,13 @@ def trailing_window_values(values: FloatArray, grid_ns: Int64Array, function: st
         n = counts[stop] - counts[first]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(n > 0, (sums[stop] - sums[first]) / n, np.nan)
-    sign = 1.0 if function == "min" else -1.0
-    out = np.full(len(values), np.nan)
-    queue: list[int] = []  # rows whose values increase: the first is the least of the window
-    head = 0
-    signed = sign * values
-    for row in range(len(values)):
-        if known[row]:
-            while len(queue) > head and signed[queue[-1]] >= signed[row]:
-                queue.pop()
-            queue.append(row)
-        while head < len(queue) and queue[head] < first[row]:
-            head += 1
-        if head < len(queue):
-            out[row] = values[queue[head]]
+    extreme = np.fmin if function == "min" else np.fmax  # these ignore NaN
+    out, extremes = np.full(len(values), np.nan), np.where(known, values, np.nan)
+    n_in_window = np.arange(1, len(values) + 1) - first
+    n = 1  # `extremes` are those of n values from each row on; two of them span every window of n to 2 n values
+    while n <= n_in_window.max(initial=0):
+        rows = np.flatnonzero((n_in_window >= n) & (n_in_window < 2 * n))
+        out[rows] = extreme(extremes[first[rows]], extremes[rows + 1 - n])
+        extremes = extreme(extremes[:-n], extremes[n:])
+        n *= 2
     return out

@@ -23,6 +23,7 @@ from cwcli.events.quantities import (
     trailing_window_values,
 )
 from cwcli.events.syntax import (
+    ALL_EVENTS_NAME,
     EventName,
     Lasting,
     Near,
@@ -45,8 +46,6 @@ from cwcli.text import format_number
 
 EVENT_NAME_OF_EXPRESSION = "expression"
 """The name of the event in the results of an expression."""
-ALL_EVENTS_NAME = "all"
-"""The word for every named event but those that are parts of another one."""
 EVENT_NAMES_FOUND_BY_WARNING = ("warning-true", "warning-late", "warning-false", "warning-undecided")
 """Events that `warning` finds too."""
 EVENT_ID_HEX_DIGITS = 12

@@ -60,6 +60,10 @@ UNIT_AND_FACTOR_BY_SPELLING = {
     "%": ("", 1e-2),
 }
 """Unit behind a number -> the unit of the quantities that it fits, and the factor to it (SI; NIST SP 811)."""
+ALL_EVENTS_NAME = "all"
+"""The word for every named event but those that are parts of another one."""
+WORDS_BEHIND_NUMBER = LOGICAL_WORDS | {"for", "within", "over"}
+"""Words that may follow a number without a unit."""
 EXPRESSION_EXAMPLE = "for example 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps > 8', or 'cut-in'"
 """Valid expressions, which the hints of syntax errors show."""
 
@@ -175,7 +179,11 @@ class _Parser(ConditionParser):
 
     def error_without_sign(self, operand: Number | Series) -> UsageError:
         """Return the error about an operand that is compared with nothing: it may be a misspelt event."""
-        if isinstance(operand, Series) and not operand.function and not operand.name.startswith("/"):
+        if isinstance(operand, Number) or operand.function or operand.name.startswith("/"):
+            return super().error_without_sign(operand)
+        if operand.name == ALL_EVENTS_NAME:
+            return UsageError(f"`{ALL_EVENTS_NAME}` stands alone, for every event", hint=EXPRESSION_EXAMPLE)
+        if self.next_token_without_taking_it()[0] != "other":
             return UsageError(
                 f"there is no event {operand.name}",
                 hint=hint_at_closest_or_all_known_names(operand.name, self._events, "events"),
@@ -186,7 +194,14 @@ class _Parser(ConditionParser):
         """Parse `operand` of the grammar."""
         kind, text, _ = self.next_token_without_taking_it()
         if kind == "number":
-            return self._parse_number()
+            number = self._parse_number()
+            kind, text, _ = self.next_token_without_taking_it()
+            if number.unit is None and kind == "name" and text not in WORDS_BEHIND_NUMBER:
+                hint = hint_at_closest_or_all_known_names(text, UNIT_AND_FACTOR_BY_SPELLING, "units")
+                raise UsageError(f"there is no unit {text}", hint=hint)
+            return number
+        if text == "/":
+            raise self.error_at_token("a field of the topic, as in /topic:field")
         if kind not in ("name", "field") or text in {*LOGICAL_WORDS, "for", "within", "over"}:
             raise self.error_at_token("an event, a quantity or a number")
         self.next_token()

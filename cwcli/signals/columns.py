@@ -293,6 +293,8 @@ def select_table_rows(table: T, rows: npt.NDArray[np.generic] | slice, *, shared
 def _select_rows_if_column(column: Any, rows: Any) -> Any:
     if isinstance(column, np.ndarray):
         is_numbers = isinstance(rows, np.ndarray) and rows.dtype.kind in "iu"  # `take` copies whole rows
+        if is_numbers and len(column) > 1 and column.strides[0] == 0:  # one row for all, e.g. an unknown covariance
+            return np.broadcast_to(column[:1], (len(rows), *column.shape[1:]))
         return column.take(rows, axis=0) if is_numbers else column[rows]
     return column.select_rows(rows) if hasattr(column, "select_rows") else column
 

@@ -11,6 +11,7 @@ from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets_as_states
 from cwcli.channels.vehicle_state import (
     COVARIANCE_FIELDS,
+    FLAGGED_KINEMATIC_FIELDS,
     KINEMATIC_FIELDS,
     VehicleStates,
     read_vehicle_states,
@@ -84,7 +85,7 @@ def read_ego_and_other_tracks(
     with_covariance: bool = False,
     ego: VehicleStates | None = None,
 ) -> tuple[TracksOfLog, tuple[InputMessageCount, ...]]:
-    """Read the tracks in the chosen span, and count the messages.
+    """Read the tracks in the chosen span in one pass, and count the messages.
 
     Args:
         ego: The states of the ego by stamp, if they are known; then its channel is not read.
@@ -95,12 +96,25 @@ def read_ego_and_other_tracks(
     counts = []
     others: dict[str, VehicleStates] = {}
     topics: dict[str, tuple[str, str]] = {}
-    for role, bindings in bound.by_role.items():
-        topic = bindings[0].topic
+    topic_by_role = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
+    fields = FIELDS_WITH_COVARIANCE if with_covariance else FLAGGED_KINEMATIC_FIELDS
+    columns = log.load_topics(
+        {
+            topic: None if role == TARGETS.role else fields
+            for role, topic in topic_by_role.items()
+            if role != EGO_STATE.role or ego is None
+        }
+    )
+    for role, topic in topic_by_role.items():
         if role == EGO_STATE.role and ego is not None:
             topics[ego.ids.values[ego.ids.codes[0]]] = topic, role
             continue
-        everything = _read_states(log, topic, role, with_covariance)
+        own = columns.pop(topic)
+        everything = (
+            read_targets_as_states(own)
+            if role == TARGETS.role
+            else read_vehicle_states(own, with_covariance=with_covariance)
+        )
         states = everything.select_logged_within(selection.start_ns, selection.end_ns)
         counts.append(InputMessageCount(topic, role, len(everything), len(states)))
         if role == EGO_STATE.role:
@@ -112,14 +126,6 @@ def read_ego_and_other_tracks(
             others[vehicle], topics[vehicle] = states.select_rows(rows), (topic, role)
     assert ego is not None  # binding requires it
     return TracksOfLog(ego, others, topics, with_covariance), tuple(counts)
-
-
-def _read_states(log: Log, topic: str, role: str, with_covariance: bool) -> VehicleStates:
-    """Read all states of a channel, of targets or of vehicles."""
-    if role == TARGETS.role:
-        return read_targets_as_states(log.columns(topic))
-    fields = FIELDS_WITH_COVARIANCE if with_covariance else KINEMATIC_FIELDS
-    return read_vehicle_states(log.columns(topic, fields), with_covariance=with_covariance)
 
 
 def add_sigmas_of_extremes(

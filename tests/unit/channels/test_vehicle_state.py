@@ -45,3 +45,13 @@ def test_covariance_that_is_not_known_is_not_checked() -> None:
     )
     fields: Mapping[str, Any] = channel.fields
     assert np.isnan(fields["sigma"]).all() and np.isnan(fields["correlation"]).all()
+
+
+def test_rows_of_an_unknown_covariance_take_no_memory() -> None:
+    unknown = VehicleStates.from_ego_states(STAMP_NS, np.zeros((3, N_STATES)))
+    rows = unknown.select_rows(np.array([2, 0])).covariance
+    assert rows.shape == (2, N_STATES, N_STATES)
+    assert isinstance(rows, np.ndarray)
+    assert rows.strides[0] == 0
+    assert np.isnan(rows).all()
+    assert len(unknown.select_rows(np.zeros(0, np.intp)).covariance) == 0

@@ -35,7 +35,9 @@ def ramp(tmp_path_factory: pytest.TempPathFactory) -> Path:
             make_vehicle_state_channel(EGO_STATE, VehicleStates.from_ego_states(stamp_ns, state, covariance), None)
         )
         channel = log.add_channel("/status", "json", log.add_schema("Status", "jsonschema", b"{}"))
-        log.write_messages(channel, stamp_ns, [json.dumps({"left": 100 - k}).encode() for k in range(100)])
+        log.write_messages(
+            channel, stamp_ns, [json.dumps({"left": 100 - k, "mode": "auto"}).encode() for k in range(100)]
+        )
     return path
 
 
@@ -92,6 +94,11 @@ def test_value_is_the_extreme_and_severity_its_ratio(ramp: Path) -> None:
         ("cut-in within 2 s cut-out", "expected `after`, `before` or `of`"),
         ("(cut-in", "expected `)`"),
         ("3 < 4", "compares numbers only"),
+        ("speed > 3", "did you mean ego.speed_mps or other.speed_mps?"),
+        ("ego.speed_mps = 3", "expected one of <= >= == != < > at character 15, found `= 3`"),
+        ("ego.speed_mps > 3 furlong", "there is no unit furlong"),
+        ("/status > 3", "expected a field of the topic, as in /topic:field at character 1, found `/status > 3`"),
+        ("all or cut-in", "`all` stands alone"),
         ("", "it ends"),
         ("ego.speed_mps > 1e999", "a number that a computer can hold"),
         ("__import__('os')", "found `__import__"),
@@ -110,6 +117,7 @@ def test_nonsense_is_refused(text: str, words: str) -> None:
     [
         ("/stats:left > 1", "did you mean /status?"),
         ("/status:lef > 1", "did you mean left?"),
+        ("/status:mode > 1", "mode of /status holds no numbers"),
         ("lane-departure", "run `cwcli lanes`"),
         ("warning", "run `cwcli warn`"),
     ],

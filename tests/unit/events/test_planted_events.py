@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,10 @@ import pytest
 from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.events import EVENTS
 from cwcli.events.search import FoundEvent, find_events_in_log, parse_query
+from cwcli.logs.read.columns import load_columns
+from cwcli.logs.read.message_reader import MessageReader
 from cwcli.logs.read.reader import Log
+from cwcli.signals.columns import Columns
 from tests.laws.planted_drives import PLANTS, planted_drive, quiet_drive, write_drive
 
 ATOL_S = 0.3
@@ -76,3 +80,15 @@ def test_an_event_of_the_ego_alone_reads_no_other_vehicle(tmp_path: Path, monkey
     assert topics == ["/cwcli/ego/state"]
     found_in(path, "cut-in")
     assert topics == ["/cwcli/ego/state"] * 2 + ["/cwcli/remote/state"]
+
+
+def test_states_are_read_in_one_pass_for_all_events(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+
+    def load_and_note(reader: MessageReader, channels: dict[str, Any], *more: Any) -> dict[str, Columns]:
+        read.append(" ".join(sorted(channels)))
+        return load_columns(reader, channels, *more)
+
+    monkeypatch.setattr("cwcli.logs.read.columns.load_columns", load_and_note)
+    found_in(write_drive(planted_drive("cut-in", seed=3), tmp_path / "drive.mcap", seed=3), "all")
+    assert [each for each in read if "/state" in each] == ["/cwcli/ego/state /cwcli/remote/state"]
