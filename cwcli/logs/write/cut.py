@@ -173,7 +173,7 @@ class _Cutter:
         """Return the entries of the record `cwcli.cut`."""
         span = self._span
         return {
-            "source": self._source.name,
+            "source": Path(self._source.name).name,  # without its folder, so that the bytes are the same anywhere
             "first_log_time_ns": str(span.first_ns),
             "last_log_time_ns": str(min(span.last_ns, self._source.end_ns)),
             "topics": "all" if span.topics is None else json.dumps(sorted(span.topics)),

@@ -99,6 +99,7 @@ def test_cut_of_a_cut_equals_the_smaller_cut(tmp_path: Path) -> None:
     _, once = cut(source, tmp_path / "once.mcap", inner)
     assert twice.messages == once.messages
     assert [name for name, _ in twice.metadata] == ["provenance", "cwcli.cut", "cwcli.cut"]
+    assert [entries["source"] for _, entries in twice.metadata[1:]] == ["in.mcap", "wide.mcap"]
 
 
 def test_parts_of_a_log_with_other_ids_are_joined(tmp_path: Path) -> None:
