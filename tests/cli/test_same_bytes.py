@@ -41,7 +41,7 @@ MORE_COMMANDS = (
     ("control", "all.mcap", "-o", "controlled.mcap", "--replace"),
     ("join", "LOG", "OTHER", "--role", "remote", "-o", "joined.mcap"),
     ("calibrate", "LOG", "OTHER", "-o", "car.toml"),
-    ("find", "all.mcap", "all", "-o", "found.csv", "--report", "found.html"),
+    ("find", "all.mcap", "all", "-o", "found.csv", "--clips", "clips", "--report", "found.html"),
     ("evaluate", "all.mcap", "--metrics", "scores.csv", "--junit", "scores.xml", "--markdown", "scores.md"),
     ("compare", "all.mcap", "measured.mcap", "--markdown", "compared.md", "--metrics", "compared.csv"),
     ("plot", "all.mcap", "-o", "plot.svg"),
