@@ -235,14 +235,17 @@ class LaneRows:
 
 
 def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
-    """Read the frames of a channel of lanes or of lane truth.
+    """Read the frames of a channel of lanes or of lane truth; impossible numbers stay, as callers count such frames.
 
     Raises:
         DataError: A required field is missing.
     """
 
     def stack_fields(*names: str) -> FloatArray:
-        return np.stack([read_numbers(columns, name, required=name in required) for name in names], axis=-1)
+        values = [
+            read_numbers(columns, name, required=name in required, takes_impossible_numbers=True) for name in names
+        ]
+        return np.stack(values, axis=-1)
 
     def read_size_px(what: str) -> Int64Array:
         return np.stack([read_integers(columns, f"{what}_{side}_px")[0] for side in ("width", "height")], axis=-1)

@@ -17,7 +17,7 @@ from cwcli.signals.input_rows import (
     ODOMETRY_RANK,
     OWN_V2X_RANK,
     LazyFields,
-    builder_imported_at_first_call,
+    builder_loaded_at_first_call,
     foxglove_leaf_fields,
     header_free_leaf_fields,
     inputs_of_message,
@@ -65,12 +65,12 @@ def _schema_names_of_foxglove_messages(*names: str) -> tuple[str, ...]:
 
 
 def _fix_inputs(fields: Fields) -> tuple[Input, ...]:
-    build = builder_imported_at_first_call("builders.position.build_fix")
+    build = builder_loaded_at_first_call("builders.position.build_fix")
     return (Input(Role.EGO_POSITION, fields, build), Input(Role.TRUTH, fields, build, fits_topic=is_ego_truth_topic))
 
 
 def _twist_inputs(fields: Fields) -> tuple[Input, ...]:
-    build = builder_imported_at_first_call("builders.motion.build_twist")
+    build = builder_loaded_at_first_call("builders.motion.build_twist")
     return (
         Input(Role.EGO_VELOCITY, fields, build, fits_topic=is_gnss_twist_topic),
         Input(Role.EGO_SPEED, fields, build, fits_topic=is_body_twist_topic),
@@ -79,8 +79,8 @@ def _twist_inputs(fields: Fields) -> tuple[Input, ...]:
 
 def _pose_inputs(fields: Fields, after: int = 0) -> tuple[Input, ...]:
     build, build_target = (
-        builder_imported_at_first_call("builders.pose.build_pose"),
-        builder_imported_at_first_call("builders.targets.build_pose_truth"),
+        builder_loaded_at_first_call("builders.pose.build_pose"),
+        builder_loaded_at_first_call("builders.targets.build_pose_truth"),
     )
     return (
         Input(Role.TRUTH, fields, build, rank=after, fits_topic=is_ego_truth_topic),
@@ -99,8 +99,8 @@ def _vehicle_state_inputs() -> tuple[Input, ...]:
     motion = ("x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps")
     fields = {"protobuf": ("stamp_ns", "id", *motion, "latitude_deg", "longitude_deg")}
     build, build_target = (
-        builder_imported_at_first_call("builders.pose.build_vehicle_state"),
-        builder_imported_at_first_call("builders.targets.build_state_truth"),
+        builder_loaded_at_first_call("builders.pose.build_vehicle_state"),
+        builder_loaded_at_first_call("builders.targets.build_state_truth"),
     )
     return (
         Input(Role.TRUTH, fields, build, fits_topic=is_ego_truth_topic),
@@ -132,21 +132,19 @@ def _v2x_inputs(codec: str, fields: Fields, *, says_who_is_ego: bool = False) ->
         Input(
             role,
             fields,
-            builder_imported_at_first_call(f"builders.v2x.{name}", codec),
+            builder_loaded_at_first_call(f"builders.v2x.{name}", codec),
             rank=OWN_V2X_RANK,
             needs_ego_station=not says_who_is_ego,
         )
         for role, name in _OWN_BUILDER_NAMES_BY_ROLE.items()
     )
-    return (Input(Role.REMOTE, fields, builder_imported_at_first_call("builders.v2x.build_remote", codec)), *own)
+    return (Input(Role.REMOTE, fields, builder_loaded_at_first_call("builders.v2x.build_remote", codec)), *own)
 
 
 def _perceived_object_inputs(codec: str, fields: Fields) -> tuple[Input, ...]:
     """Return the registry row of a schema whose messages tell of other objects or events only."""
     return (
-        Input(
-            Role.REMOTE, fields, builder_imported_at_first_call("builders.v2x.build_remote", codec), is_additive=True
-        ),
+        Input(Role.REMOTE, fields, builder_loaded_at_first_call("builders.v2x.build_remote", codec), is_additive=True),
     )
 
 

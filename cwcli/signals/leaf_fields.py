@@ -60,18 +60,24 @@ def find_field(columns: Columns, *paths: str) -> Field | None:
     return None
 
 
-def read_numbers(columns: Columns, *paths: str, required: bool = False) -> FloatArray:
+def read_numbers(
+    columns: Columns, *paths: str, required: bool = False, takes_impossible_numbers: bool = False
+) -> FloatArray:
     """Read a field as numbers (n,): the first of `paths` that is there, NaN where absent or not a number.
 
     Strings that spell numbers are read as such (JSON written from XER does that).
 
+    Args:
+        required: It is a field that cwcli writes, always and within `LARGEST_NUMBER`.
+        takes_impossible_numbers: The caller leaves out what is beyond that, and counts it.
+
     Raises:
-        DataError: It is required, and not there as numbers, or one is beyond `LARGEST_NUMBER`.
+        DataError: It is required, and not there as numbers, or one is impossible.
     """
     field = find_field(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1:
         values = field.astype(np.float64)
-        if required:
+        if required and not takes_impossible_numbers:
             require_possible_numbers(columns, paths[0], values)
         return values
     if required:

@@ -211,7 +211,7 @@ def require_keys_of_known_users(bucket: dict[str, str], after_n_requests: str) -
     """Let the store allow some more requests with the keys of nobody."""
     url, headers = f"{bucket['AWS_ENDPOINT_URL']}/moto-api/reset-auth", {"Content-Type": "text/plain"}
     request = urllib.request.Request(url, data=after_n_requests.encode(), headers=headers)
-    urllib.request.urlopen(request, timeout=60).close()
+    urllib.request.urlopen(request, timeout=600).close()
 
 
 @pytest.mark.parametrize("command", ["evaluate", "report", "find", "compare"])
@@ -250,7 +250,7 @@ class BreakingStore(BaseHTTPRequestHandler):
         """Answer with what the store behind answers, or half of it."""
         request = urllib.request.Request(f"{self.behind}{self.path}", headers=dict(self.headers.items()))
         try:
-            answer = urllib.request.urlopen(request, timeout=60)
+            answer = urllib.request.urlopen(request, timeout=600)
         except urllib.error.HTTPError as error:
             answer = error
         with answer:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cwcli.signals.builders.base import Fields, Input
-from cwcli.signals.input_rows import builder_imported_at_first_call
+from cwcli.signals.input_rows import builder_loaded_at_first_call
 from cwcli.signals.role import Role
 
 GROUND_TRUTH_PREFIX = ""
@@ -85,7 +85,7 @@ def _input(role: Role, fields: Fields, rank: int, *places: str) -> Input:
     return Input(
         role,
         fields,
-        builder_imported_at_first_call(*(f"osi.{place}" for place in places)),
+        builder_loaded_at_first_call(*(f"osi.{place}" for place in places)),
         rank=rank,
         says_what_it_is=True,
     )

@@ -24,7 +24,7 @@ None, end: float | str | None = None, recover: bool = False, limits: Limits = ..
 report(source: str | Path | Result, target: str | Path, *, gates: Sequence[str] = (), topics: Sequence[str] = (), \
 recover: bool = False, force: bool = False, progress: Callable[[str], None] | None = None) -> Path
 simulate(scenario: str | Path, target: str | Path, *, seed: int | None = None, values: Mapping[str, object] | None = \
-None, weather: str | None = None, force: bool = False) -> Path
+None, weather: str | None = None, actors: str | Path | None = None, force: bool = False) -> Path
 Limits(max_chunk_bytes: int = 256000000, max_input_bytes: int = 64000000000, max_ratio: float = 64.0, timeout_s: float \
 = 60.0) -> None
 Log.close(self) -> None
