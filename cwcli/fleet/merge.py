@@ -35,6 +35,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import make_folder
 from cwcli.temporary import TemporaryFile
+from cwcli.text import join_names
 
 RUN_AGAIN_HINT = "run the shard again with the same command: it continues"
 """Advice on a shard that was killed."""
@@ -169,12 +170,12 @@ def _write_manifest_of_pending_logs(manifest: Document, entries: dict[str, _Entr
 def _read_shard(path: Path) -> _ShardFolder:
     """Read the manifest of a shard; raise `InputError` if it holds none that this version can read."""
     manifest = read_json_object(path / MANIFEST_NAME)
-    if (
-        manifest is None
-        or not isinstance(manifest.get("logs"), list)
-        or not set(MANIFEST_KEYS_OF_ALL_SHARDS) <= set(manifest)
-    ):
-        raise InputError(f"the folder holds no run (no {MANIFEST_NAME})", where=str(path))
+    if manifest is None:
+        raise InputError(f"the folder holds no run (no {MANIFEST_NAME} that can be read)", where=str(path))
+    lacking = [key for key in MANIFEST_KEYS_OF_ALL_SHARDS if key not in manifest]
+    if lacking or not isinstance(manifest.get("logs"), list):
+        what = f"the manifest lacks {join_names([repr(key) for key in lacking] or ['the list of logs'])}"
+        raise InputError(what, where=str(path / MANIFEST_NAME), hint="run `cwcli run` with this --shard again")
     if what := format_mismatch_text_or_empty(manifest):
         raise InputError(what, where=str(path / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
     try:

@@ -89,7 +89,7 @@ def test_terminal_shows_a_table(folder: Path, capsys: pytest.CaptureFixture[str]
     assert run_command_line(["find", str(folder / "cut-in.mcap"), "all"]) == EXIT_DONE
     said = capsys.readouterr()
     assert "find all: 1 event in 1 log" in said.out
-    assert "lane-departure: not searched in 1 log without the channels that it needs" in said.out + said.err
+    assert "lane-departure: not searched in 1 log without the channels that this needs" in said.out + said.err
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from pathlib import PurePosixPath
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cwcli.cli.console import Console
@@ -15,7 +16,7 @@ from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
 from cwcli.cli.targets import check_file_suffix, check_outputs_and_list_file_names
-from cwcli.cli.text import format_count, shorten_and_escape
+from cwcli.cli.text import format_count, join_names, shorten_and_escape
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 
@@ -103,8 +104,7 @@ def command(
     Events are those of the table in docs/find.md. An expression compares quantities: states (ego.speed_mps,
     other.speed_mps), measures (ttc_s), fields (/status:speed); `min`, `max` and `mean` of one `over 3 s`; `and`, `or`,
     `not`; `for 0.5 s`; `within 2 s after`, `before` or `of` another condition. Numbers may have a unit: 30 km/h.
-    Most events
-    need annotated logs; outages and gaps are found in any log.
+    Most events need annotated logs; outages and gaps are found in any log.
     """
     from cwcli.array_memory import bound_array_memory_and_get_old_handler
     from cwcli.evaluation.system_topics import parse_other_system_options
@@ -115,6 +115,11 @@ def command(
     from cwcli.output import refuse_unwritable_targets, write_file
     from cwcli.report.event_page import addresses_of_clips, build_event_page
 
+    if Path(expression).is_file():
+        raise UsageError(
+            f"the last argument, {shorten_and_escape(expression)}, is a file where the expression belongs",
+            hint="name the logs first: cwcli find LOG... EXPR; `all` finds every event",
+        )
     query = parse_query(expression)
     other_system = parse_other_system_options(topic or [])
     output_names = check_outputs_and_list_file_names(
@@ -206,10 +211,19 @@ def _print_search(console: Console, search: FleetSearch, listed: tuple[FoundEven
         console.print_summary(format_table(head, rows))
     if len(listed) > MAX_SHOWN_EVENTS:
         console.print_note(f"{len(listed) - MAX_SHOWN_EVENTS} more events are in -o and --json")
-    for event, n in search.missing.items():
-        console.print_note(f"{event}: not searched in {format_count(n, 'log')} without the channels that it needs")
+    for n, events in _events_by_number_of_logs_that_lack_channels(search.missing).items():
+        console.print_note(
+            f"{join_names(events)}: not searched in {format_count(n, 'log')} without the channels that this needs"
+        )
     for name, error in search.failed:
         console.print_note(f"{shorten_and_escape(name)} was not searched: {error.what}")
+
+
+def _events_by_number_of_logs_that_lack_channels(n_logs_by_event: Mapping[str, int]) -> dict[int, list[str]]:
+    events: dict[int, list[str]] = {}
+    for event, n in n_logs_by_event.items():
+        events.setdefault(n, []).append(event)
+    return events
 
 
 def _search_as_json(search: FleetSearch, listed: tuple[FoundEvent, ...], clips: dict[str, str]) -> dict[str, Any]:
