@@ -36,7 +36,7 @@ class RecorderClock:
     is_on_epochs: bool
 
 
-def estimate_recorder_clock(stamp_ns: Int64Array, log_time_ns: Int64Array) -> RecorderClock:
+def estimate_recorder_clock_offset(stamp_ns: Int64Array, log_time_ns: Int64Array) -> RecorderClock:
     """Estimate the offset of a recorder's clock from stamps and log times (n,) of at least one position."""
     late_ns = log_time_ns - stamp_ns
     ahead_ns = int(median_of_values(late_ns))

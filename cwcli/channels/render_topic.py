@@ -23,7 +23,7 @@ def check_topic_name_if_given(topic: str | None) -> None:
         raise UsageError(f"--render {topic!r} is not the name of a topic", hint="for example --render /cwcli/camera")
 
 
-def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
+def check_render_topic_is_free(log: Log, topic: str | None, camera_topic: str) -> None:
     """Refuse a topic for rendered frames that is invalid or that another channel has.
 
     A channel of compressed images may have it: an earlier run may have written that, and `--replace` removes it.

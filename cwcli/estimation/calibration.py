@@ -57,7 +57,7 @@ MEASURED_QUANTITY_NAMES = ("position", "velocity", "speed", "heading", *RATE_QUA
 """Names of the quantities that the filter measures."""
 QUANTITY_NAMES = (*MEASURED_QUANTITY_NAMES, "imu", "camera")
 """Names of all quantities that a source may have in a calibration file."""
-CONSTANT_SPECS: Mapping[str, ConstantSpec] = {
+RANGE_AND_UNIT_BY_CALIBRATION_CONSTANT: Mapping[str, ConstantSpec] = {
     "latency_s": ConstantSpec(-3600.0, 3600.0, "s, positive is late", MEASURED_QUANTITY_NAMES),
     "noise_sigma": ConstantSpec(0.0, 1e4, "one sigma in the unit of the quantity", MEASURED_QUANTITY_NAMES),
     "stamp_sigma_s": ConstantSpec(0.0, 10.0, "s, one sigma from row to row", ("position",)),
@@ -269,12 +269,13 @@ def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration
 def _parse_constants(toml_table: Any, quantity: str, where: str, key: str) -> dict[str, Constant]:
     if not isinstance(toml_table, Mapping):
         raise _invalid_key_error(where, key, f"is {toml_table!r}", "a table")
-    permitted = [name for name, each in CONSTANT_SPECS.items() if quantity in each.quantities]
+    permitted = [name for name, each in RANGE_AND_UNIT_BY_CALIBRATION_CONSTANT.items() if quantity in each.quantities]
     for name in toml_table:
         if name not in permitted:
             raise _invalid_key_error(where, f"{key}.{name}", "is unknown", ", ".join(permitted))
     return {
-        name: _parse_constant(value, CONSTANT_SPECS[name], where, f"{key}.{name}") for name, value in toml_table.items()
+        name: _parse_constant(value, RANGE_AND_UNIT_BY_CALIBRATION_CONSTANT[name], where, f"{key}.{name}")
+        for name, value in toml_table.items()
     }
 
 

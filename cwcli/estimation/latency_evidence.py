@@ -111,7 +111,7 @@ class LatencyEvidence:
         # the whole bend times 1 - 1 / n_used.
         scatter_s = float(np.sqrt(slope @ slope / (1.0 - 1.0 / n_used))) * self.formal_sigma_s**2
         least_s = FEW_BLOCKS_SIGMA_FACTOR * self.formal_sigma_s if n_effective < MIN_EFFECTIVE_BLOCKS_FOR_SIGMA else 0.0
-        return max(_student_to_normal_quantile_ratio(n_used - 1.0) * scatter_s, least_s)
+        return max(_student_to_normal_ratio_at_97_5_pct(n_used - 1.0) * scatter_s, least_s)
 
     def find_drift_rate_and_middle_s(self) -> tuple[float, float] | None:
         """How much the latency grows in a second, and the time about which it does; None where it may be constant.
@@ -160,7 +160,7 @@ class LatencyEvidence:
         return total
 
 
-def _student_to_normal_quantile_ratio(dof: float) -> float:
+def _student_to_normal_ratio_at_97_5_pct(dof: float) -> float:
     """Student's 97.5 % quantile over the normal distribution's (Abramowitz and Stegun 26.7.5); dof >= 1."""
     return 1.0 + (1.210 + (1.440 + 1.304 / dof) / dof) / dof
 

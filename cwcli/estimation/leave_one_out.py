@@ -33,7 +33,7 @@ from cwcli.estimation.source_vote import quantity_of_series, without_any_rows
 from cwcli.estimation.tolerances import MAX_GATED_ROW_SHARE
 from cwcli.lazy_dataclass import replace
 
-MAX_USUAL_SLOW_ERROR_M = 2.5
+MAX_UNDOUBTED_SLOW_ERROR_SIGMA_M = 2.5
 """Greatest sigma on each axis of a slow error of fixes that raises no doubt, m. The GPS Standard Positioning Service
 (2020) promises 8 m in 95 % as the global average, 3.3 m on each axis; receivers are usually better. Chosen by hand."""
 MAX_USUAL_GRADE_SIGMA_MPS2 = 0.6
@@ -65,7 +65,7 @@ def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> s
             or (
                 r.slow_error.status is ParameterStatus.USED
                 and r.slow_error.sigma
-                > (MAX_USUAL_GRADE_SIGMA_MPS2 if r.kind is Kind.ACCEL else MAX_USUAL_SLOW_ERROR_M)
+                > (MAX_USUAL_GRADE_SIGMA_MPS2 if r.kind is Kind.ACCEL else MAX_UNDOUBTED_SLOW_ERROR_SIGMA_M)
             )
             or (r.kind not in RATE_KINDS and r.n_gated > MAX_GATED_ROW_SHARE * (r.n_used + r.n_gated))
         )
@@ -174,7 +174,9 @@ def find_spoiling_sources(
         if not _do_sources_agree_clearly(found) or (not is_misfit and quantities_in_doubt(found)):
             continue
         found_without[group] = found
-        gains[group] = _log_likelihood_of_others(found, group) - _log_likelihood_of_others(reports, group)
+        gains[group] = _log_likelihood_of_other_used_sources(found, group) - _log_likelihood_of_other_used_sources(
+            reports, group
+        )
     best = max(gains, key=gains.__getitem__, default=())
     best = max(
         gains, key=lambda group: _culprit_log_likelihood_advantage_over_group(group, best, found_without), default=()
@@ -193,9 +195,9 @@ def _culprit_log_likelihood_advantage_over_group(
     the one that denies it is left out, so neither of both judges.
     """
     suspects = {*group, *other}
-    advantage = _log_likelihood_of_others(found_without[group], suspects) - _log_likelihood_of_others(
-        found_without[other], suspects
-    )
+    advantage = _log_likelihood_of_other_used_sources(
+        found_without[group], suspects
+    ) - _log_likelihood_of_other_used_sources(found_without[other], suspects)
     return advantage if advantage > MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT else 0.0 if group == other else -1.0
 
 
@@ -217,7 +219,9 @@ def _is_whole_source(group: Sequence[SourceQuantity], reports: Sequence[SourceRe
     return all(SourceQuantity(r.source, r.kind) in group for r in reports if r.n_used and r.source == group[0].source)
 
 
-def _log_likelihood_of_others(reports: Sequence[SourceReport], left_out: Collection[SourceQuantity]) -> float:
+def _log_likelihood_of_other_used_sources(
+    reports: Sequence[SourceReport], left_out: Collection[SourceQuantity]
+) -> float:
     return sum(
         r.log_likelihood
         for r in reports

@@ -311,7 +311,7 @@ def build_pass_input(
     order_of = time_order or find_row_time_order(series, start_s, output_s, reset_after)
     noise = _noise_in_time_order(series, order_of)
     series = [s.select_rows(rows) for s, rows in zip(series, order_of.in_time, strict=True)]
-    values = np.concatenate([np.zeros((0, 2)), *map(_measured_values_with_pitch_rate, series)])
+    values = np.concatenate([np.zeros((0, 2)), *map(_measured_values_with_pitch_rate_if_lever_arm, series)])
     sources = ekf.SourceTable(
         sensor=np.array([s.kind for s in series], np.int32),
         parameters=np.array(
@@ -371,7 +371,7 @@ def _place_restarts_in_time_order(
     )
 
 
-def _measured_values_with_pitch_rate(s: SensorSeries) -> FloatArray:
+def _measured_values_with_pitch_rate_if_lever_arm(s: SensorSeries) -> FloatArray:
     """Return the values (n, 2) for the kernel; the second column of a speed with a lever arm is the pitch rate."""
     if s.pitch_rate is None or s.lever_state < 0:
         return s.values

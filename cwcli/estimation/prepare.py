@@ -96,8 +96,11 @@ def clean_and_sort_measurements_and_note(
         stale = NO_STALE_ROWS if m.is_exact else find_stale_rows(m.kind, time, values)
         if stale.n_rows:
             notes += stale.notes_for_user(m.source, m.kind)
-            time, values = time[~stale.stale_row_mask], values[~stale.stale_row_mask]
-            covariance = None if covariance is None else covariance[~stale.stale_row_mask]
+            time, values = (
+                time[~stale.repeated_or_interpolated_row_mask],
+                values[~stale.repeated_or_interpolated_row_mask],
+            )
+            covariance = None if covariance is None else covariance[~stale.repeated_or_interpolated_row_mask]
         stuck = stuck_row_mask(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
             left_out_text = (

@@ -82,7 +82,7 @@ class StaleRows:
         return self.n_repeated + self.n_interpolated
 
     @property
-    def stale_row_mask(self) -> npt.NDArray[np.bool_]:
+    def repeated_or_interpolated_row_mask(self) -> npt.NDArray[np.bool_]:
         """Shape (n,): the row holds no new measurement."""
         return self.is_repetition | self.is_interpolated
 

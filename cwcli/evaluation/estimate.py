@@ -19,7 +19,7 @@ from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry
 from cwcli.evaluation.knowledge import TRUTH, comparison_label, online_or_hindsight_of_ego_states
 from cwcli.evaluation.link import RadioLinkSummary, add_link_metrics
 from cwcli.evaluation.records import source_config_from_record
-from cwcli.evaluation.silent_sources import silences_to_record_entry
+from cwcli.evaluation.silent_sources import lost_quantity_spans_to_record_entry
 from cwcli.evaluation.truth import (
     build_nees_section,
     build_truth_errors_section,
@@ -73,7 +73,7 @@ def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> Stage
     entries = {
         **link.build_record_entries(),
         **fix_offsets_to_record_entry(evidence.measurements, evidence.ego),
-        **silences_to_record_entry(evidence.measurements),
+        **lost_quantity_spans_to_record_entry(evidence.measurements),
     }
     if errors is None:
         return result.with_evaluation(sections=link.build_sections(), tables=link.build_tables(), entries=entries)

@@ -20,7 +20,7 @@ from cwcli.prediction.paths import Paths
 from cwcli.prediction.poses import VehiclePoses, side_slip_rad
 from cwcli.signals.canonical import PoseSignal, Signal
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.covariances import rotate_plane_covariance
+from cwcli.signals.covariances import xx_xy_yy_covariance_in_turned_axes
 from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.vehicle_state import EGO_ID
@@ -120,7 +120,9 @@ def _share_inside_90_percent_band(errors: HorizonErrors, placed: Paths) -> Float
     shares = []
     for column, horizon_s in enumerate(errors.horizon_s):
         at = int(np.argmin(np.abs(placed.time_s - horizon_s)))
-        across = rotate_plane_covariance(placed.position_covariance_m2[:, at], placed.heading_rad[:, at])[:, 2]
+        across = xx_xy_yy_covariance_in_turned_axes(placed.position_covariance_m2[:, at], placed.heading_rad[:, at])[
+            :, 2
+        ]
         sigma = np.sqrt(np.maximum(across, 0.0))
         known = errors.is_known[:, column] & np.isfinite(sigma)
         inside = np.abs(errors.cross_m[known, column]) <= SIGMAS_HOLDING_90_PERCENT * sigma[known]

@@ -28,7 +28,7 @@ MEASURED_QUANTITIES_BY_KIND = {
 """Kind of a measurement -> the quantities that it measures; a silence matters only where no other source has them."""
 
 
-def silences_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, str]:
+def lost_quantity_spans_to_record_entry(measurements: Sequence[Measurements]) -> dict[str, str]:
     """Return the entry of the record with the spans in which nothing told a quantity that is told elsewhere in the log.
 
     Each span has its `source`, its lost `quantities`, `begin_ns` and `end_ns`, whether it lasts `from_the_start` or

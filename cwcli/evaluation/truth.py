@@ -28,7 +28,7 @@ from cwcli.signals.columns import EastNorthRows, FloatArray, Int64Array, LatLonA
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.vehicle_state import EGO_ID, HEADING, SPEED, X
-from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, cell_of_low_and_high_bound
+from cwcli.stages.summaries import NIS_CELL_BY_IS_WITHIN_BOUNDS, cell_of_low_and_high_bound
 
 MAX_INTERPOLATED_EGO_GAP_S = 0.5
 """Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
@@ -98,7 +98,7 @@ def build_nees_section(errors: TruthErrors) -> SummaryTable:
             each.name,
             each.per_dof,
             cell_of_low_and_high_bound(*each.bounds),
-            NIS_CELL_BY_CONSISTENCY[each.is_within_bounds],
+            NIS_CELL_BY_IS_WITHIN_BOUNDS[each.is_within_bounds],
         )
         for each in errors.nees
     ]

@@ -192,7 +192,7 @@ def parse_short_dates(array: ArrowArray) -> TextTimes | None:
     from cwcli.importing.cells import trimmed_texts_or_null
 
     found = pc.extract_regex(trimmed_texts_or_null(array), SHORT_DATE_PATTERN)
-    return None if found.null_count else _text_times_of_regex_match(found)
+    return None if found.null_count else _text_times_of_column_matches(found)
 
 
 def parse_text_times(array: ArrowArray) -> TextTimes | None:
@@ -210,14 +210,14 @@ def parse_text_times(array: ArrowArray) -> TextTimes | None:
         found = pc.extract_regex(texts, pattern)
         n_found = len(found) - found.null_count
         if n_found and n_found >= 0.5 * n_given:
-            best = _text_times_of_regex_match(found)
+            best = _text_times_of_column_matches(found)
             if has_names:  # the month is known, and the day before or behind it
                 best = replace(best, mark=".")
             break
     return best
 
 
-def _text_times_of_regex_match(found: Any) -> TextTimes:
+def _text_times_of_column_matches(found: Any) -> TextTimes:
     import pyarrow as pa
     import pyarrow.compute as pc
 

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.other_car import (
     RecorderClock,
-    estimate_recorder_clock,
+    estimate_recorder_clock_offset,
     merge_states_by_log_time,
     move_states_to_our_map_and_clock,
     recorder_clock_difference_text,
@@ -179,7 +179,7 @@ def _estimate_recorder_clock_of_log(log: Log) -> RecorderClock:
     if not len(signal.stamp_ns):
         hint = "choose positions that hold fixes in `cwcli estimate`, and join what that writes"
         raise MissingSignalError("none of its positions is a fix", where=f"{log.name}: {topic}", hint=hint)
-    return estimate_recorder_clock(signal.stamp_ns, signal.log_time_ns)
+    return estimate_recorder_clock_offset(signal.stamp_ns, signal.log_time_ns)
 
 
 def _no_common_time_error(ego: Log, other: Log, span_ns: np.ndarray, states: VehicleStates) -> DataError:

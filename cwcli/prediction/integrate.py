@@ -28,7 +28,7 @@ from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray, StateRows
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 
-GAUSS_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
+GAUSS_NODE_PLACES_ON_0_TO_1 = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 """Nodes of the three-point Gauss-Legendre quadrature on [0, 1]."""
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 """Weights of the three-point Gauss-Legendre quadrature on [0, 1]."""
@@ -125,7 +125,7 @@ class _DiscretisedModel:
         if self.is_paper:
             at = _song2016_mean_responses_of_steps(self.model, step_width_s, self.time_s)
             return at, np.ascontiguousarray(step_width_s), None
-        node_s = moving_s[:, None, :-1] + step_width_s * GAUSS_NODES[:, None]
+        node_s = moving_s[:, None, :-1] + step_width_s * GAUSS_NODE_PLACES_ON_0_TO_1[:, None]
         weight = step_width_s * GAUSS_WEIGHTS[:, None]
         if self.acting_s is None or len(moving_s) > 1:
             return self.speed_and_heading_responses_at_times(node_s), weight, None

@@ -21,7 +21,7 @@ from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.covariances import rotate_plane_covariance
+from cwcli.signals.covariances import xx_xy_yy_covariance_in_turned_axes
 from cwcli.signals.units import NS_PER_S
 
 MAX_PREDICTION_HORIZON_S = 60.0
@@ -206,7 +206,7 @@ def transform_paths_to_map(paths: Paths, x_m: FloatArray, y_m: FloatArray, headi
         y_m=y_m[:, None] + sin * paths.x_m + cos * paths.y_m,
         heading_rad=heading_rad[:, None] + paths.heading_rad,
         speed_mps=paths.speed_mps,
-        position_covariance_m2=rotate_plane_covariance(paths.position_covariance_m2, -heading_rad[:, None]),
+        position_covariance_m2=xx_xy_yy_covariance_in_turned_axes(paths.position_covariance_m2, -heading_rad[:, None]),
     )
 
 
@@ -220,7 +220,7 @@ def transform_paths_to_body(paths: Paths) -> Paths:
         -sin * dx + cos * dy,
         paths.heading_rad - paths.heading_rad[:, :1],
         paths.speed_mps,
-        rotate_plane_covariance(paths.position_covariance_m2, paths.heading_rad[:, :1]),
+        xx_xy_yy_covariance_in_turned_axes(paths.position_covariance_m2, paths.heading_rad[:, :1]),
     )
 
 

@@ -13,7 +13,7 @@ from cwcli.dynamics.samples import LateralTrack
 from cwcli.prediction.lateral import dead_reckon_x_y_m_and_heading_rad
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, median_of_values
-from cwcli.signals.covariances import rotate_plane_covariance
+from cwcli.signals.covariances import xx_xy_yy_covariance_in_turned_axes
 from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
@@ -32,7 +32,9 @@ def scale_covariance_across_path(paths: Paths, track: LateralTrack) -> Paths:
     """Scale the covariance of paths in the body frame across the path, by one factor for each time ahead."""
     factor = sigma_factors_across_path_by_time(paths, track)
     cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
-    along, _, across = np.moveaxis(rotate_plane_covariance(paths.position_covariance_m2, paths.heading_rad), -1, 0)
+    along, _, across = np.moveaxis(
+        xx_xy_yy_covariance_in_turned_axes(paths.position_covariance_m2, paths.heading_rad), -1, 0
+    )
     across = across * factor**2 + _dead_reckoning_variance_across_path_m2(paths, track)
     covariance = np.stack(
         [cos**2 * along + sin**2 * across, cos * sin * (along - across), sin**2 * along + cos**2 * across], axis=-1
@@ -65,7 +67,7 @@ def sigma_factors_across_path_by_time(paths: Paths, track: LateralTrack) -> Floa
         dx, dy = later[:, 0] - x, later[:, 1] - y
         ex, ey = cos * dx + sin * dy - paths.x_m[:, k], -sin * dx + cos * dy - paths.y_m[:, k]
         c, s = np.cos(paths.heading_rad[:, k]), np.sin(paths.heading_rad[:, k])
-        across = rotate_plane_covariance(paths.position_covariance_m2[:, k], paths.heading_rad[:, k])[:, 2]
+        across = xx_xy_yy_covariance_in_turned_axes(paths.position_covariance_m2[:, k], paths.heading_rad[:, k])[:, 2]
         sigma = np.sqrt(np.maximum(across, 1e-12))
         z = np.abs(-s * ex + c * ey) / sigma
         z = z[np.isfinite(z)]

@@ -56,7 +56,7 @@ def usable_plane_covariance_or_nan(ledger: RowLedger, xx: FloatArray, xy: FloatA
     return np.where((is_definite & ~is_absent)[:, None], covariance, np.nan)
 
 
-def rotate_plane_covariance(covariance: FloatArray, angle_rad: FloatArray) -> FloatArray:
+def xx_xy_yy_covariance_in_turned_axes(covariance: FloatArray, angle_rad: FloatArray) -> FloatArray:
     """Rotate plane covariances into axes that are turned counter-clockwise by an angle.
 
     Args:

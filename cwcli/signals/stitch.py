@@ -182,7 +182,7 @@ def _find_candidate_pairs(last: _EndMessages, first: _EndMessages) -> _Candidate
         within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         ended = np.repeat(np.arange(some.start, some.stop), counts)
         began = by_time[np.repeat(begin[some], counts) + within]
-        distance = _squared_distances_of_pairs_or_inf(last.select_rows(ended), first.select_rows(began))
+        distance = _squared_distance_of_each_row_or_inf(last.select_rows(ended), first.select_rows(began))
         is_near = distance <= MAX_RIVAL_SQUARED_DISTANCE
         parts.append((ended[is_near], began[is_near], distance[is_near]))
     return _Candidates(*(np.concatenate(each) for each in zip(*parts, strict=True)))
@@ -198,7 +198,7 @@ def _iter_id_slices_of_limited_pairs(counts: Int64Array) -> Iterator[slice]:
         start = stop
 
 
-def _squared_distances_of_pairs_or_inf(last_messages: _EndMessages, first_messages: _EndMessages) -> FloatArray:
+def _squared_distance_of_each_row_or_inf(last_messages: _EndMessages, first_messages: _EndMessages) -> FloatArray:
     """Return the squared distance between where each id would be and the one that begins, (pairs,); inf for no pair.
 
     The motion during the pause is that of the last message, with its acceleration and yaw rate. Without a speed or a

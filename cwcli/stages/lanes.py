@@ -20,7 +20,7 @@ from cwcli.channels.lanes import (
     make_lane_annotation_channel,
     make_lanes_channel,
 )
-from cwcli.channels.render_topic import check_render_topic, check_topic_name_if_given
+from cwcli.channels.render_topic import check_render_topic_is_free, check_topic_name_if_given
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, calibration_record_entry
 from cwcli.lazy_dataclass import dataclass, replace
@@ -175,7 +175,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     method = load_method(config.method, config.model)
     bound = bind_roles(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
     topic = bound.by_role[Role.CAMERA][0].topic
-    check_render_topic(log, config.render, topic)
+    check_render_topic_is_free(log, config.render, topic)
     choice, calibrated = _mounting_with_calibrated_pitch(config, topic)
     mount = find_mounting(log, _camera_frame_id(log, topic), choice)
     config = replace(config, mounting=mount.mounting)

@@ -21,7 +21,7 @@ from cwcli.channels.path_image import (
 )
 from cwcli.channels.predicted_path import PredictedPaths, make_predicted_path_channel
 from cwcli.channels.published import EGO_STATE, LANES, OBSERVER, OBSERVER_PATH
-from cwcli.channels.render_topic import check_render_topic
+from cwcli.channels.render_topic import check_render_topic_is_free
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError, UsageError
@@ -269,7 +269,7 @@ def draw_paths_into_images(
         )
     render, topics = (None, {}) if config is None else (config.render, config.topics)
     camera_topic, source = topic_and_camera_used_by_lanes(log, topics, is_needed=render is not None)
-    check_render_topic(log, render, camera_topic)
+    check_render_topic_is_free(log, render, camera_topic)
     seen_from = Viewpoint(source.camera_for_size, width_m, camera_forward_m)
     frames = PathFrames.pair_paths_with_frames_of_same_stamp(
         paths, stamp_ns, log_time_ns, read_lanes(log.columns(LANES.topic)), seen_from

@@ -26,7 +26,7 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 from cwcli.signals.units import S_PER_NS
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
-from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, cell_of_low_and_high_bound
+from cwcli.stages.summaries import NIS_CELL_BY_IS_WITHIN_BOUNDS, cell_of_low_and_high_bound
 from cwcli.tracking.association import default_clutter_density
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionCounts, DetectionKind, EgoStates, SensorModel
@@ -288,9 +288,9 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
 def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:
     """Return the cells for the normalised innovation squared, its bounds and whether it lies within them."""
     if check is None or not check.dof > 0.0:
-        return None, cell_of_low_and_high_bound(np.nan, np.nan), NIS_CELL_BY_CONSISTENCY[None]
+        return None, cell_of_low_and_high_bound(np.nan, np.nan), NIS_CELL_BY_IS_WITHIN_BOUNDS[None]
     bounds = cell_of_low_and_high_bound(check.low / check.dof, check.high / check.dof)
-    return check.nis_mean / check.dof, bounds, NIS_CELL_BY_CONSISTENCY[check.is_within_bounds]
+    return check.nis_mean / check.dof, bounds, NIS_CELL_BY_IS_WITHIN_BOUNDS[check.is_within_bounds]
 
 
 def _tuned_noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> SummaryTable:

@@ -47,7 +47,7 @@ MAX_RAY_ANGLE_RAD = math.radians(89.0)
 """Greatest angle from the optical axis that is projected, in radians: an image plane shows less than 90 degrees."""
 N_DISTORTION_CHECK_ANGLES = 512
 """Number of angles at which a distortion is checked for turning back. Chosen by hand; not fitted."""
-ZERO_DISTORTION_COEFFICIENTS = (0.0,) * 4
+DISTORTION_COEFFICIENTS_OF_UNDISTORTED_IMAGE = (0.0,) * 4
 """Coefficients of an image without distortion, as OpenCV takes them."""
 
 _BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -237,7 +237,7 @@ class Camera:
 
     def distortion_coefficients(self) -> FloatArray:
         """The distortion's coefficients as OpenCV takes them."""
-        return np.array(self.distortion or ZERO_DISTORTION_COEFFICIENTS)
+        return np.array(self.distortion or DISTORTION_COEFFICIENTS_OF_UNDISTORTED_IMAGE)
 
 
 def _project_with_distortion(
@@ -258,7 +258,7 @@ def _max_undistorted_radius_of_lens(is_fisheye: bool, distortion: tuple[float, .
     radius = np.tan(np.linspace(0.0, MAX_RAY_ANGLE_RAD, N_DISTORTION_CHECK_ANGLES))
     across, coefficients = (
         np.column_stack([radius, np.zeros(N_DISTORTION_CHECK_ANGLES)]),
-        np.array(distortion or ZERO_DISTORTION_COEFFICIENTS),
+        np.array(distortion or DISTORTION_COEFFICIENTS_OF_UNDISTORTED_IMAGE),
     )
     right, left = (
         _project_with_distortion(sign * across, np.eye(3), coefficients, is_fisheye=is_fisheye)[:, 0]

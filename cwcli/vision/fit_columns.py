@@ -28,7 +28,7 @@ _SHARED_NUMBERS_PER_FIT = 5 + _ROAD_NUMBERS_PER_FIT + _JOINT_COVARIANCE_SIZE**2
 the road, and the joint covariance."""
 _NUMBERS_PER_FIT = N_SIDES * _NUMBERS_PER_SIDE + _SHARED_NUMBERS_PER_FIT
 """Stored numbers of a fit."""
-_MISSING_SIDE_COVARIANCE = (float("nan"),) * 9
+_NAN_COVARIANCE_OF_MISSING_SIDE = (float("nan"),) * 9
 """Stored numbers of a boundary's covariance where there is none."""
 _MISSING_ROAD = (float("nan"),) * _NUMBERS_PER_ROAD
 """Stored numbers of a road curve where there is none."""
@@ -131,7 +131,9 @@ def _numbers_of_boundary_in_stored_order(boundary: Boundary) -> tuple[float, ...
     nan = float("nan")
     abc = (boundary.a, boundary.b, boundary.c) if boundary.found else (nan, nan, nan)
     covariance = (
-        _MISSING_SIDE_COVARIANCE if boundary.covariance is None else tuple(boundary.covariance.reshape(-1).tolist())
+        _NAN_COVARIANCE_OF_MISSING_SIDE
+        if boundary.covariance is None
+        else tuple(boundary.covariance.reshape(-1).tolist())
     )
     return (
         *abc,

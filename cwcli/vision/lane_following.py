@@ -72,7 +72,7 @@ SAME_LINE_TOLERANCE_IN_CAMERA_HEIGHTS = 0.15
 LATERAL_JERK_SIGMA_MPS3 = 1.0
 """Sigma of the lateral jerk in a road's bends, in m/s^3. Chosen by hand: the upper end of what clothoids are designed
 for, 0.5 to 1; ramps have more."""
-MAX_SPIRAL_SIGMAS = 4.0
+MAX_CURVATURE_CHANGE_IN_PRIOR_SIGMAS = 4.0
 """Greatest change of curvature that is searched, in sigmas of its prior. Chosen by hand; not fitted."""
 UNPREDICTED_TURN_DISTANCE_M = 10.0
 """Distance over which a bend that begins turns the lane without being predicted, in metres. Chosen on ramp 200 of
@@ -143,7 +143,12 @@ def prior_of_followed_lane(prior: LanePrior, camera: Camera, speed_mps: float) -
             drift[VANISHING] = math.hypot(
                 drift[VANISHING], camera.fx * UNPREDICTED_TURN_DISTANCE_M * LATERAL_JERK_SIGMA_MPS3 / speed_mps**2
             )
-            rows[SPIRAL] = [0.0, spiral, -MAX_SPIRAL_SIGMAS * spiral, MAX_SPIRAL_SIGMAS * spiral]
+            rows[SPIRAL] = [
+                0.0,
+                spiral,
+                -MAX_CURVATURE_CHANGE_IN_PRIOR_SIGMAS * spiral,
+                MAX_CURVATURE_CHANGE_IN_PRIOR_SIGMAS * spiral,
+            ]
     return prior.with_table(np.array(rows), drift)
 
 

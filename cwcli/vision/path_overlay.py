@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, FloatArray
-from cwcli.signals.covariances import rotate_plane_covariance
+from cwcli.signals.covariances import xx_xy_yy_covariance_in_turned_axes
 from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
@@ -138,7 +138,7 @@ def _sample_path_and_band_width(
     distances_m = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_PATH_POINTS) + camera_forward_m
     moving = np.concatenate([[True], np.diff(driven) > 0.0])
     across = SIGMAS_HOLDING_90_PERCENT * np.sqrt(
-        np.maximum(rotate_plane_covariance(path.position_covariance_m2, path.heading_rad)[:, 2], 0.0)
+        np.maximum(xx_xy_yy_covariance_in_turned_axes(path.position_covariance_m2, path.heading_rad)[:, 2], 0.0)
     )
     x_m, y_m, heading_rad, across_m = (
         np.interp(distances_m, driven[moving], values[moving])

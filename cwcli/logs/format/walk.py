@@ -97,7 +97,7 @@ class _DataSectionIndexer:
                     break
                 at = self._add_record_and_get_next_offset(opcode, at, start, end)
             except RecordError as error:
-                at = self._resume_after_damage(at, error)
+                at = self._count_lost_bytes_and_find_resume_offset(at, error)
         self._complete_definitions_and_counts(define_all=define_all)
         index.statistics = Statistics(
             sum(self._counts.values()),
@@ -205,7 +205,7 @@ class _DataSectionIndexer:
         )
         return cursor
 
-    def _resume_after_damage(self, at: int, error: RecordError) -> int:
+    def _count_lost_bytes_and_find_resume_offset(self, at: int, error: RecordError) -> int:
         """Count the lost bytes; return the offset at which reading continues.
 
         Raises:

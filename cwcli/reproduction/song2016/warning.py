@@ -178,7 +178,7 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
         x_range=(moments.ideal_s - half_s, moments.ideal_s + half_s),
         y_range=(0.0, 12.0 * half_s),
     )
-    return StudyPart(tuple(measured), (plot, _paths_from_above_plot(name, moments)))
+    return StudyPart(tuple(measured), (plot, _plot_both_paths_until_collision(name, moments)))
 
 
 def most_typical_seed_or_zero(moments: WarningMoments) -> int:
@@ -191,7 +191,7 @@ def most_typical_seed_or_zero(moments: WarningMoments) -> int:
     return int(np.where(everywhere, away_s, np.inf).argmin())
 
 
-def _paths_from_above_plot(name: str, moments: WarningMoments) -> Plot:
+def _plot_both_paths_until_collision(name: str, moments: WarningMoments) -> Plot:
     """Plot figure 8 or 10: the paths of both cars until they collide, with dots at the ideal moment."""
     time_s = np.arange(0.0, moments.ideal_s + PREDICTION_HORIZON_S, SAMPLING_TIME_S)
     curves = []

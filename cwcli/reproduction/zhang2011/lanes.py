@@ -120,20 +120,20 @@ def _correct_share_numbers(name: str, key: str, results: Results) -> list[Measur
     """Return the shares of frames in which a method finds both boundaries."""
     method_results = results[name][key]
     return [
-        _correct_share_with_interval(
+        _correct_frames_pct_with_interval(
             f"{key}, {name}: both boundaries right", method_results.is_correct[:, N_UNSTABLE_FRAMES:]
         ),
-        _correct_share_with_interval(
+        _correct_frames_pct_with_interval(
             f"{key}, {name}: the same in the first six frames", method_results.is_correct[:, :N_UNSTABLE_FRAMES]
         ),
-        _correct_share_with_interval(
+        _correct_frames_pct_with_interval(
             f"{key}, {name}: the same by the stripe's centre",
             method_results.is_correct_by_centre[:, N_UNSTABLE_FRAMES:],
         ),
     ]
 
 
-def _correct_share_with_interval(what: str, is_right: BoolArray) -> MeasuredNumber:
+def _correct_frames_pct_with_interval(what: str, is_right: BoolArray) -> MeasuredNumber:
     """Return a share of frames in per cent; its interval accounts for the likeness of a drive's frames."""
     n_frames = is_right.shape[1]
     low, high = clustered_proportion_interval(is_right.sum(axis=1).tolist(), [n_frames] * len(is_right))

@@ -17,7 +17,7 @@ from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import (
     SIGMAS_PER_95_PERCENT_ELLIPSE_RADIUS,
     SIGMAS_PER_95_PERCENT_HALF_WIDTH,
-    rotate_plane_covariance,
+    xx_xy_yy_covariance_in_turned_axes,
 )
 from cwcli.signals.leaf_fields import read_matrix, read_numbers, read_stamps
 from cwcli.signals.quality import RowLedger
@@ -58,6 +58,6 @@ def _velocity_covariance_from_errors(columns: Columns, speed_mps: FloatArray, co
     across = np.where(np.isfinite(across) & (across > 0.0), across, along)
     own = np.stack([along**2, 0.0 * along, across**2], axis=1)
     with np.errstate(invalid="ignore"):
-        return rotate_plane_covariance(
+        return xx_xy_yy_covariance_in_turned_axes(
             own, np.deg2rad(course_deg - 90.0)
         )  # from along and across back to east and north

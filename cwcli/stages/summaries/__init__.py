@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.pipeline.json_names import CellWithValues
 from cwcli.signals.columns import FloatArray
 
-NIS_CELL_BY_CONSISTENCY = {
+NIS_CELL_BY_IS_WITHIN_BOUNDS = {
     None: CellWithValues("", {"": None}),
     True: CellWithValues("in", {"": True}),
     False: CellWithValues("OUT", {"": False}),

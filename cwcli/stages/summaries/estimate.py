@@ -15,7 +15,7 @@ from cwcli.estimation.summary import measured_quantity_name
 from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag
-from cwcli.stages.summaries import NIS_CELL_BY_CONSISTENCY, cell_of_low_and_high_bound
+from cwcli.stages.summaries import NIS_CELL_BY_IS_WITHIN_BOUNDS, cell_of_low_and_high_bound
 
 FLAGGED_STATES_HEADINGS = {
     StateFlag.STARTING: "states soon after the start",
@@ -125,7 +125,7 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
             report.noise_origin,
             report.nis_mean / report.nis_dof,
             cell_of_low_and_high_bound(*(bound / report.nis_dof for bound in report.nis_bounds)),
-            NIS_CELL_BY_CONSISTENCY[report.nis_inside],
+            NIS_CELL_BY_IS_WITHIN_BOUNDS[report.nis_inside],
         )
         for report in ego.sources
     ]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.other_car import (
-    estimate_recorder_clock,
+    estimate_recorder_clock_offset,
     merge_states_by_log_time,
     move_states_to_our_map_and_clock,
     recorder_clock_difference_text,
@@ -72,14 +72,14 @@ def test_whether_stamps_are_epochs(period_ms: int, phase_ms: float, on_epochs: b
     stamp_ns = T0_NS + np.arange(50) * period_ms * 1_000_000 + round(phase_ms * 1e6)
     if phase_ms == 37:
         stamp_ns = stamp_ns + 3_000_000
-    recorder = estimate_recorder_clock(stamp_ns, stamp_ns + 120_000_000)
+    recorder = estimate_recorder_clock_offset(stamp_ns, stamp_ns + 120_000_000)
     assert recorder.is_on_epochs is on_epochs
     assert (recorder.ahead_ns, recorder.sigma_ns, recorder.n) == (120_000_000, 0, 50)
 
 
 def test_the_clocks_are_told() -> None:
-    ours = estimate_recorder_clock(np.array([0, 10, 20]), np.array([100, 110, 120]))
-    theirs = estimate_recorder_clock(np.array([0, 10]), np.array([100, 110]))
+    ours = estimate_recorder_clock_offset(np.array([0, 10, 20]), np.array([100, 110, 120]))
+    theirs = estimate_recorder_clock_offset(np.array([0, 10]), np.array([100, 110]))
     told = recorder_clock_difference_text(-1_500_000_000, ours, theirs)
     assert told.startswith("the other car's recorder is 1.500 s behind this one's")
     assert told.endswith("by the stamps of 3 and 2 positions")

@@ -60,7 +60,7 @@ def test_repeated_fixes_with_stamps_of_whole_seconds_are_counted_without_a_warni
 def test_rows_of_one_stamp_are_left_alone() -> None:
     assert not find_stale_rows(
         Kind.POSITION, np.zeros_like(TIME_S), held(fixes(TIME_S), TIME_S, 0.2)
-    ).stale_row_mask.any()
+    ).repeated_or_interpolated_row_mask.any()
 
 
 @pytest.mark.parametrize("kind", [Kind.SPEED, Kind.HEADING, Kind.VELOCITY])
@@ -91,21 +91,21 @@ def test_a_coarse_fix_of_a_slow_car_repeats_lawfully(digits: int) -> None:
     """It stands for a minute, and creeps with 0.3 m/s: 3 cm from row to row, where the last digit is 1.1 m."""
     way_m = np.where(TIME_S < 60.0, 0.0, 0.3 * (TIME_S - 60.0))
     values = rounded_to_degrees(np.column_stack([way_m, 0.5 * way_m]), digits)
-    assert not find_stale_rows(Kind.POSITION, TIME_S, values).stale_row_mask.any()
+    assert not find_stale_rows(Kind.POSITION, TIME_S, values).repeated_or_interpolated_row_mask.any()
 
 
 def test_a_rounded_speed_repeats_lawfully() -> None:
     drive_s, values = made_drive()
     for step in (1.0 / 3.6, 0.02, 0.1):
         rounded = np.round(values[Kind.SPEED] / step)[:, None] * step
-        assert not find_stale_rows(Kind.SPEED, drive_s, rounded).stale_row_mask.any()
+        assert not find_stale_rows(Kind.SPEED, drive_s, rounded).repeated_or_interpolated_row_mask.any()
 
 
 def test_sound_fixes_are_all_new() -> None:
     for noise_m in (0.0, 0.01, 0.3, 3.0):
         for digits in (15, 7):
             values = rounded_to_degrees(fixes(TIME_S, noise_m), digits)
-            assert not find_stale_rows(Kind.POSITION, TIME_S, values).stale_row_mask.any()
+            assert not find_stale_rows(Kind.POSITION, TIME_S, values).repeated_or_interpolated_row_mask.any()
 
 
 @pytest.mark.parametrize("digits", [15, 7])
@@ -127,7 +127,7 @@ def test_an_inertial_navigator_that_is_corrected_each_second_is_not_interpolated
     time_s = np.arange(0.0, 100.0, 0.01)
     steps_m = 0.05 * np.random.default_rng(2).standard_normal((100, 2))
     values = fixes(time_s, 0.0) + steps_m[np.floor(time_s + 1e-9).astype(int)]
-    assert not find_stale_rows(Kind.POSITION, time_s, values).stale_row_mask.any()
+    assert not find_stale_rows(Kind.POSITION, time_s, values).repeated_or_interpolated_row_mask.any()
 
 
 def test_the_estimator_gets_the_first_of_the_repeated_fixes_alone() -> None:

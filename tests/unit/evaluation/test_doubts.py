@@ -20,7 +20,7 @@ from cwcli.evaluation.doubts import (
 )
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_value_in_window_from_each_row
-from cwcli.evaluation.silent_sources import silences_to_record_entry
+from cwcli.evaluation.silent_sources import lost_quantity_spans_to_record_entry
 from cwcli.evaluation.truth import build_nees_section
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
 from cwcli.signals.units import NS_PER_S
@@ -457,7 +457,7 @@ def sensor(source: str, kind: Kind, *spans_s: tuple[float, float], step_s: float
 
 
 def silences_of(*measurements: Measurements) -> list[tuple[str, list[str], float, float]]:
-    found = json.loads(silences_to_record_entry(measurements)["silences"])
+    found = json.loads(lost_quantity_spans_to_record_entry(measurements)["silences"])
     return [(each["source"], each["quantities"], each["begin_ns"] / S, each["end_ns"] / S) for each in found]
 
 
