@@ -210,7 +210,7 @@ def read_predicted_paths(columns: Columns) -> PredictedPaths:
     n = len(columns)
     x_m = read_matrix(columns, "x_m", required=True)
     k = x_m.shape[1]
-    step_s = read_numbers(columns, "step_s", required=True)
+    step_s = read_numbers(columns, "step_s", required=True, takes_impossible_numbers=True)
     models = read_texts(columns, "model")
     if n and np.ptp(step_s) > MAX_PATH_STEP_DIFFERENCE_S:
         raise DataError("the predicted paths of one channel differ in their step", where=columns.topic)

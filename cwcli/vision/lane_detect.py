@@ -369,9 +369,17 @@ def prior_at_vanishing_point(prior: LanePrior, point: VanishingPoint, size: Widt
 
 
 def search_first_frame_at_vanishing_points(
-    grey: GreyImage, camera: Camera, prior: LanePrior, evidence_source: EvidenceSource = measure_stripe_evidence
+    grey: GreyImage,
+    camera: Camera,
+    prior: LanePrior,
+    evidence_source: EvidenceSource = measure_stripe_evidence,
+    *,
+    tries_other_points: bool = True,
 ) -> tuple[ImageLanes, FloatArray, StripeEvidence, float]:
     """Search a first frame whose mounting is not known, from each point where its straight edges may meet.
+
+    Args:
+        tries_other_points: Search from other points, too, where few edges agree; else only from that of the most votes.
 
     Returns:
         What `search_first_frame` returns at the point with the best lane, and the share of the votes for that point; 1
@@ -386,7 +394,7 @@ def search_first_frame_at_vanishing_points(
             *search_first_frame(grey, camera, prior_at_vanishing_point(prior, point, size), evidence_source),
             point.votes,
         )
-        for point in points
+        for point in (points if tries_other_points else points[:1])
     ]
     return max(searches, key=lambda search: float(search[1][0]) + OBJECTIVE_PER_VOTE_SHARE * search[3])
 

@@ -400,8 +400,9 @@ class LaneTracker:
         """A new hypothesis from a search from scratch at the horizon of the frame's own lines."""
         assert self._prior is not None
         followed = self._evidence
+        # the frames before have shown the lane: another point would only move its horizon now and then
         lanes, values, self._evidence, votes = search_first_frame_at_vanishing_points(
-            frame.grey, camera, self._prior, self._evidence_source
+            frame.grey, camera, self._prior, self._evidence_source, tries_other_points=False
         )
         self._scene_votes = max(self._scene_votes, votes)  # once it was clear that this is a road, it is one
         hypotheses = self._start_hypotheses(

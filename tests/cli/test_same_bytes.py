@@ -118,7 +118,7 @@ def check_environments(folder: Path, commands: tuple[tuple[str, ...], ...], **lo
 def test_outputs_are_the_same_bytes_in_every_environment(tmp_path: Path, number: int) -> None:
     other = LOGS[number - 1 if number in (2, 3) else 2]
     assert isinstance(other, Path)
-    commands = COMMANDS + MORE_COMMANDS if number else COMMANDS
+    commands: tuple[tuple[str, ...], ...] = COMMANDS + MORE_COMMANDS if number else COMMANDS
     if number and number not in LOGS_WITHOUT_OTHER_VEHICLES:
         commands += COMMANDS_FOR_OTHER_VEHICLES
     check_environments(tmp_path, commands, LOG=log_of(tmp_path, number), OTHER=other)

@@ -191,7 +191,7 @@ def _nav_path_fields(columns: Columns, _map: LocalMap | None) -> Fields:
     row = np.repeat(np.arange(len(columns)), counts)
     step = np.arange(len(row)) - np.repeat(x_m.offsets[:-1], counts)
     with np.errstate(over="ignore"):
-        ahead_s = step * read_numbers(columns, "step_s", required=True)[row]
+        ahead_s = step * read_numbers(columns, "step_s", required=True, takes_impossible_numbers=True)[row]
     if not (np.abs(ahead_s) < ROS_TIME_LIMIT_S).all():
         raise DataError("step_s is not a time between points", where=columns.topic)
     ahead_ns = np.round(ahead_s * NS_PER_S).astype(np.int64)
