@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.step_motion import StepMotion
+from cwcli.signals.columns import FloatArray
 from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 
 MIN_STEPS_FOR_SLOW_PART = 12
@@ -24,6 +26,8 @@ MAX_TIME_CONSTANT_OF_FILTER_S = 30.0
 """Greatest time constant that is told from slopes, s: hills of a few hundred metres last as long. Chosen by hand."""
 MAX_RESIDUAL_SCATTERS = 4.0
 """Greatest residual, in scatters, that the second pass uses; jumps of fixes lie beyond. Chosen by hand."""
+MIN_SHARE_OF_POWER_WITHOUT_LINE = 1e-12
+"""Least share of the integral's sum of squares that a line leaves; below it is rounding. Chosen by hand."""
 
 
 def time_constant_of_missing_slow_part_s(accel: StepMotion, fixes: StepMotion, step_s: float) -> float:
@@ -36,20 +40,27 @@ def time_constant_of_missing_slow_part_s(accel: StepMotion, fixes: StepMotion, s
     own, true = accel.speed_change_mps, fixes.speed_change_mps
     rows = np.isfinite(own) & np.isfinite(true)
     integral = np.concatenate(([0.0], np.cumsum(np.where(np.isfinite(own), own, 0.0))))
-    n = len(own)
-    columns = np.column_stack([0.5 * step_s * (integral[1:] + integral[:-1]), np.ones(n), np.arange(n)])
+    way = 0.5 * step_s * (integral[1:] + integral[:-1])
     slope, sigma = math.nan, math.nan
     for _ in range(2):
-        if int(rows.sum()) < MIN_STEPS_FOR_SLOW_PART:
+        steps = np.flatnonzero(rows)
+        if len(steps) < MIN_STEPS_FOR_SLOW_PART:
             return math.nan
-        constants, _, rank, _ = np.linalg.lstsq(columns[rows], (true - own)[rows], rcond=None)
-        rest = true - own - columns @ constants
-        inverse = np.linalg.pinv(columns[rows].T @ columns[rows])
-        slope, n_free = float(constants[0]), int(rows.sum()) - 3
-        sigma = math.sqrt(max(float(inverse[0, 0]) * float(np.square(rest[rows]).sum()) / n_free, 0.0))
-        if rank < 3:
+        free_way, missing = (_without_line(values[steps], steps) for values in (way, true - own))
+        power = float(free_way @ free_way)
+        if not power > MIN_SHARE_OF_POWER_WITHOUT_LINE * float(way[steps] @ way[steps]):
             return math.nan
-        scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(rest[rows]))
-        rows[rows] = np.abs(rest[rows]) <= MAX_RESIDUAL_SCATTERS * scatter
+        slope = float(free_way @ missing) / power
+        rest = missing - slope * free_way
+        sigma = math.sqrt(float(rest @ rest) / (len(steps) - 3) / power)
+        scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(rest))
+        rows[steps] = np.abs(rest) <= MAX_RESIDUAL_SCATTERS * scatter
     is_clear = slope > MIN_SLOW_PART_SIGMAS * sigma and slope * MAX_TIME_CONSTANT_OF_FILTER_S > 1.0
     return 1.0 / slope if is_clear else math.nan
+
+
+def _without_line(values: FloatArray, steps: npt.NDArray[np.intp]) -> FloatArray:
+    """Return values (n,) at steps (n,) less the line that fits them best: the bias of a sensor, and its drift."""
+    centred_steps = steps - steps.mean()
+    centred = values - values.mean()
+    return np.asarray(centred - centred_steps * float(centred_steps @ centred) / float(centred_steps @ centred_steps))

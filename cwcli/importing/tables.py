@@ -61,10 +61,10 @@ class SourceTable:
     def of_arrays(cls, file: str, part: str, kind: str, arrays: Mapping[str, Any], **more: Any) -> SourceTable:
         """Return a table of columns that are in memory, (n,) each; `more`: further attributes."""
 
-        def read(wanted: Sequence[str]) -> Iterator[ColumnsOfRows]:
+        def iter_all_rows(wanted: Sequence[str]) -> Iterator[ColumnsOfRows]:
             yield {name: arrays[name] for name in wanted}
 
-        return cls(file, part, kind, tuple(arrays), read, **more)
+        return cls(file, part, kind, tuple(arrays), iter_all_rows, **more)
 
     @property
     def name(self) -> str:

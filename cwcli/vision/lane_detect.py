@@ -34,7 +34,7 @@ from cwcli.vision.lane_model import (
     LanePriorTable,
 )
 from cwcli.vision.method import GreyImage
-from cwcli.vision.vanishing import VanishingPoint, find_vanishing_points
+from cwcli.vision.vanishing import N_OTHER_POINTS, VanishingPoint, find_vanishing_points
 
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
@@ -374,19 +374,19 @@ def search_first_frame_at_vanishing_points(
     prior: LanePrior,
     evidence_source: EvidenceSource = measure_stripe_evidence,
     *,
-    tries_other_points: bool = True,
+    n_other_points: int = N_OTHER_POINTS,
 ) -> tuple[ImageLanes, FloatArray, StripeEvidence, float]:
     """Search a first frame whose mounting is not known, from each point where its straight edges may meet.
 
     Args:
-        tries_other_points: Search from other points, too, where few edges agree; else only from that of the most votes.
+        n_other_points: Greatest number of points beside that of the most votes, where few edges agree.
 
     Returns:
         What `search_first_frame` returns at the point with the best lane, and the share of the votes for that point; 1
         where there are no edges.
     """
     size = camera.width_px, camera.height_px
-    points = find_vanishing_points(grey, float(prior.table[VANISHING, MEAN]))
+    points = find_vanishing_points(grey, float(prior.table[VANISHING, MEAN]), n_other_points=n_other_points)
     if not points:
         return *search_first_frame(grey, camera, prior, evidence_source), 1.0
     searches = [
@@ -394,7 +394,7 @@ def search_first_frame_at_vanishing_points(
             *search_first_frame(grey, camera, prior_at_vanishing_point(prior, point, size), evidence_source),
             point.votes,
         )
-        for point in (points if tries_other_points else points[:1])
+        for point in points
     ]
     return max(searches, key=lambda search: float(search[1][0]) + OBJECTIVE_PER_VOTE_SHARE * search[3])
 

@@ -402,7 +402,7 @@ class LaneTracker:
         followed = self._evidence
         # the frames before have shown the lane: another point would only move its horizon now and then
         lanes, values, self._evidence, votes = search_first_frame_at_vanishing_points(
-            frame.grey, camera, self._prior, self._evidence_source, tries_other_points=False
+            frame.grey, camera, self._prior, self._evidence_source, n_other_points=0
         )
         self._scene_votes = max(self._scene_votes, votes)  # once it was clear that this is a road, it is one
         hypotheses = self._start_hypotheses(

@@ -80,10 +80,12 @@ class VanishingPoint:
     votes: float
 
 
-def find_vanishing_points(grey: GreyImage, middle_px: float) -> list[VanishingPoint]:
+def find_vanishing_points(
+    grey: GreyImage, middle_px: float, *, n_other_points: int = N_OTHER_POINTS
+) -> list[VanishingPoint]:
     """Find the point with the most votes of the frame's segments; none without segments.
 
-    If its share is below `CLEAR_VOTE_SHARE`, up to `N_OTHER_POINTS` others follow: those to which edges of many
+    If its share is below `CLEAR_VOTE_SHARE`, up to `n_other_points` others follow: those to which edges of many
     directions lead.
 
     Args:
@@ -105,7 +107,7 @@ def find_vanishing_points(grey: GreyImage, middle_px: float) -> list[VanishingPo
     )
     votes, total = _vanishing_point_votes_on_grid(segments, u, v, width, height)
     points = [_point_at_best_cell(votes, votes / total, u, v)]
-    if points[0].votes >= CLEAR_VOTE_SHARE:
+    if points[0].votes >= CLEAR_VOTE_SHARE or not n_other_points:
         return points
     run, rise = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
     sectors = (np.arctan2(rise, run) % np.pi * (N_DIRECTION_SECTORS / np.pi)).astype(int)
@@ -115,7 +117,7 @@ def find_vanishing_points(grey: GreyImage, middle_px: float) -> list[VanishingPo
     ]
     spread = np.asarray(np.sum(roots, axis=0) ** 2)
     best = votes
-    for _ in range(N_OTHER_POINTS):
+    for _ in range(n_other_points):
         i, j = np.unravel_index(int(best.argmax()), best.shape)
         spread[
             max(i - DISTINCT_POINT_STEPS_V, 0) : i + DISTINCT_POINT_STEPS_V + 1,

@@ -59,8 +59,8 @@ def test_estimate_runs_no_python_for_each_message(encoding: str, options: tuple[
     growing = growing_functions(short, long, ALLOWANCE)
     if options == WITHOUT_SEARCHES:
         assert growing == {}
-        # what compares the sources takes some thousand lines more on a longer drive; a line a message were 9,000
-        assert long.total() - short.total() < 0.75 * N_MORE
+        # what compares the sources takes some thousand lines more or less on another drive
+        assert long.total() - short.total() < 0.5 * N_MORE
     else:
         # what a search calls, it calls a few times more or less; what runs for each message, twice as often
         assert {name: n for name, n in growing.items() if n > 0.5 * short[name]} == {}
