@@ -234,18 +234,21 @@ def filtered_states_and_covariances_of_matrix(
     values = np.zeros((n, len(MEASUREMENT_VECTOR_KINDS), 2))
     values[:, 0] = measurement_matrix[:, :2]
     values[:, 1:, 0] = measurement_matrix[:, 2:]
-    measured = np.isfinite(values).all(axis=2) & (np.arange(n) > 0)[:, None]
+    measured = np.isfinite(values[:, :, 0])
+    measured[:, 0] &= np.isfinite(values[:, 0, 1])
+    measured[0] = False
     noise = np.zeros((len(MEASUREMENT_VECTOR_KINDS), 3))
     noise[0, [0, 2]] = variance[:2]
     noise[1:, 0] = variance[2:]
-    step, kind = np.nonzero(measured)
+    update = np.flatnonzero(measured)
+    kind = np.tile(np.arange(len(MEASUREMENT_VECTOR_KINDS), dtype=np.int32), n).take(update)
     events = ekf.Events(
         time_s=step_s * np.arange(n, dtype=np.float64),
-        first=np.concatenate(([0], np.cumsum(measured.sum(axis=1)))).astype(np.int32),
+        first=np.concatenate(([0], np.cumsum(np.count_nonzero(measured, axis=1)))).astype(np.int32),
         out_row=np.arange(n, dtype=np.int32),
-        source=kind.astype(np.int32),
-        values=values[step, kind],
-        noise=noise[kind],
+        source=kind,
+        values=values.reshape(-1, 2).take(update, axis=0),
+        noise=noise.take(kind, axis=0),
     )
     sensor = np.array(MEASUREMENT_VECTOR_KINDS, np.int32)
     sources = ekf.SourceTable(
