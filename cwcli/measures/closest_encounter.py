@@ -15,8 +15,8 @@ from cwcli.measures.pair import MetresAtStamps, Pair, SecondsAtStamps
 from cwcli.signals.columns import FloatArray
 
 
-def time_and_distance_of_closest_encounter(pair: Pair) -> tuple[FloatArray, FloatArray]:
-    """Time (s) and distance (m) of the closest encounter from now on at constant velocities, rows `near`, (m,) each.
+def time_and_distance_of_closest_encounter(pair: Pair) -> FloatArray:
+    """Time (s) and distance (m) of the closest encounter from now on at constant velocities, rows `near`, (2, m).
 
     The relative motion is seen along the relative velocity: a corner of the difference of the two outlines (a corner of
     one against a corner of the other) is nearest when it passes the origin.
@@ -44,12 +44,12 @@ def time_and_distance_of_closest_encounter(pair: Pair) -> tuple[FloatArray, Floa
                     best_s = np.where(nearer, to_go / np.maximum(speed, 1e-9), best_s)
     hits = np.isfinite(ttc)
     best_m, best_s = np.where(hits, 0.0, best_m), np.where(hits, ttc, best_s)
-    return np.where(speed > 1e-9, best_s, np.nan), best_m
+    return np.stack([np.where(speed > 1e-9, best_s, np.nan), best_m])
 
 
 def time_to_closest_encounter(pair: Pair) -> SecondsAtStamps:
     """Time to the closest encounter (s) at each stamp, (n,)."""
-    time_s, _ = time_and_distance_of_closest_encounter(pair)
+    time_s, _ = pair.compute_once(time_and_distance_of_closest_encounter)
     return pair.expand_to_all_rows(time_s)
 
 
@@ -69,7 +69,7 @@ TTCE = Measure(
 
 def distance_of_closest_encounter(pair: Pair) -> MetresAtStamps:
     """Distance (m) of the outlines at their closest encounter, computed at each stamp, (n,)."""
-    _, distance_m = time_and_distance_of_closest_encounter(pair)
+    _, distance_m = pair.compute_once(time_and_distance_of_closest_encounter)
     return pair.expand_to_all_rows(distance_m)
 
 

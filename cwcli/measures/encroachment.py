@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels.encounters import rows_of_least_lag
-from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.base import Measure
 from cwcli.measures.crossing import MIN_CROSSING_SINE
 from cwcli.measures.outlines import outline_separation_m
@@ -26,7 +23,7 @@ LAG_REFINEMENT_STEP_S, LAG_REFINEMENT_GRID_STEPS = 0.01, 2
 
 def post_encroachment_time_of_pair_s(pair: Pair) -> PairNumber:
     """The smallest lag (s) at which one's outline overlaps the other's that much later, (): 0 for a collision."""
-    found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
+    found = pair.compute_once(_grid_rows_of_least_lag)
     if not len(found):
         return np.array(np.nan)
     mine, other = found.astype(int)
@@ -35,25 +32,25 @@ def post_encroachment_time_of_pair_s(pair: Pair) -> PairNumber:
 
 def encroachment_lag_and_states(pair: Pair) -> tuple[float, FloatArray, FloatArray]:
     """PET on the grid (s), and speed and heading (2,) of the host and of the other at that encroachment."""
-    found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
+    found = pair.compute_once(_grid_rows_of_least_lag)
     if not len(found):
         return np.nan, np.full(2, np.nan), np.full(2, np.nan)
     mine, other = found.astype(int)
-    own, theirs = np.split(pair.evaluate_measure(_STATES_ON_GRID), 2, axis=1)
+    own, theirs = np.split(pair.compute_once(_states_of_both_on_time_grid), 2, axis=1)
     return abs(mine - other) * LAG_SEARCH_STEP_S, own[mine, 2:], theirs[other, 2:]
 
 
 def host_encroachment_duration_s(pair: Pair) -> float:
     """How long the host is where the other is within `MAX_SEARCHED_LAG_S`, around the least lag, s; NaN for parallel
     headings."""
-    found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
+    found = pair.compute_once(_grid_rows_of_least_lag)
     if not len(found):
         return np.nan
     mine, other = found.astype(int)
-    own, theirs = np.split(pair.evaluate_measure(_STATES_ON_GRID), 2, axis=1)
+    own, theirs = np.split(pair.compute_once(_states_of_both_on_time_grid), 2, axis=1)
     if np.abs(np.sin(own[mine, 3] - theirs[other, 3])) < MIN_CROSSING_SINE:
         return np.nan
-    last, poses = round(MAX_SEARCHED_LAG_S / LAG_SEARCH_STEP_S), pair.evaluate_measure(_POSES_ON_GRID)
+    last, poses = round(MAX_SEARCHED_LAG_S / LAG_SEARCH_STEP_S), pair.compute_once(_poses_on_grid)
     inside = np.zeros(len(own), dtype=bool)
     for lag in range(-last, last + 1):
         rows, _ = _host_and_other_rows_overlapping_at_lag(poses, lag, pair)
@@ -63,13 +60,6 @@ def host_encroachment_duration_s(pair: Pair) -> float:
     if not (len(before) and len(after)):
         return np.nan
     return float(after[0] - before[-1] - 1) * LAG_SEARCH_STEP_S
-
-
-@dataclass(frozen=True)
-class _CachedQuantity:
-    """A quantity that the measures of an encroachment share; the pair caches it."""
-
-    compute: Callable[[Pair], FloatArray]
 
 
 def _states_of_both_on_time_grid(pair: Pair) -> FloatArray:
@@ -86,13 +76,13 @@ def _states_of_both_on_time_grid(pair: Pair) -> FloatArray:
 
 def _poses_on_grid(pair: Pair) -> FloatArray:
     """x, y, cosine and sine of the heading of the host and of the other on the time grid, (8, g)."""
-    x, y, _, heading, to_x, to_y, _, to_heading = pair.evaluate_measure(_STATES_ON_GRID).T
+    x, y, _, heading, to_x, to_y, _, to_heading = pair.compute_once(_states_of_both_on_time_grid).T
     return np.stack([x, y, np.cos(heading), np.sin(heading), to_x, to_y, np.cos(to_heading), np.sin(to_heading)])
 
 
 def _grid_rows_of_least_lag(pair: Pair) -> FloatArray:
     """Grid rows of the host and of the other whose outlines overlap at the least lag, (2,); (0,) if none do."""
-    poses = pair.evaluate_measure(_POSES_ON_GRID)
+    poses = pair.compute_once(_poses_on_grid)
     n = poses.shape[1]
     n_lags = min(round(MAX_SEARCHED_LAG_S / LAG_SEARCH_STEP_S), n - 1) + 1 if n > 1 else 0
     mine, them = rows_of_least_lag(poses, pair.host_size, pair.other_size, _centre_reach_m(pair), n_lags)
@@ -123,14 +113,6 @@ def _refine_least_lag_s(pair: Pair, host_row: int, other_row: int) -> float:
         dx[known], dy[known], own[i[known], 3], theirs[j[known], 3], pair.host_size, pair.other_size
     )
     return float(lag_s[known][margin <= 0.0].min(initial=abs(host_row - other_row) * LAG_SEARCH_STEP_S))
-
-
-_STATES_ON_GRID, _POSES_ON_GRID, _GRID_ROWS_OF_LEAST_LAG = (
-    _CachedQuantity(_states_of_both_on_time_grid),
-    _CachedQuantity(_poses_on_grid),
-    _CachedQuantity(_grid_rows_of_least_lag),
-)
-"""The shared quantities, which `Pair.value` computes once per pair."""
 
 
 def _host_and_other_rows_overlapping_at_lag(

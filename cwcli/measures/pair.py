@@ -94,13 +94,19 @@ class Pair:
     other_size: LengthAndWidthM
     max_gap_s: float
     known_other: tuple[FloatArray, FloatArray] | None = field(default=None, repr=False, compare=False)
-    _values: dict[PairQuantity, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _values: dict[Callable[[Pair], FloatArray], FloatArray] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def evaluate_measure(self, measure: PairQuantity) -> FloatArray:
         """Evaluate a measure at each stamp, (n,), or for the pair, (); each is computed once."""
-        if measure not in self._values:
-            self._values[measure] = measure.compute(self)
-        return self._values[measure]
+        return self.compute_once(measure.compute)
+
+    def compute_once(self, quantity: Callable[[Pair], FloatArray]) -> FloatArray:
+        """Return the quantity of this pair, computed at the first call for it."""
+        if quantity not in self._values:
+            self._values[quantity] = quantity(self)
+        return self._values[quantity]
 
     def select_rows(self, rows: npt.NDArray[np.intp]) -> Pair:
         """The pair at some of the stamps, with the interpolated states of the other there."""

@@ -13,7 +13,7 @@ SEEDS_BY_CLAUSE = {
     "un-r131": 100,
     "un-r152": 100,
     "un-r130": 100,
-    "iso-17361": 30,
+    "iso-17361": 100,
 }
 """Clause that the default shall pass -> number of seeds, which the time of the measurement allowed."""
 Runs = Sequence[tuple[bool, float]]
