@@ -33,7 +33,7 @@ def test_chunks_together_are_bounded_by_the_size_of_the_log(tmp_path: Path) -> N
     assert "chunks lost" not in ended.shown
 
 
-@pytest.mark.parametrize("n_chunks", [1, 8])
+@pytest.mark.parametrize("n_chunks", [pytest.param(1, marks=pytest.mark.long), 8])
 def test_messages_are_bounded_by_the_size_of_the_log(tmp_path: Path, n_chunks: int) -> None:
     """A million of 31 bytes, which compress to 4 kB. Each that is looked at costs 11 calls, and 26 with `--recover`."""
     many = packed(message(1, T0_NS, b"") * (1_000_000 // n_chunks))

@@ -56,10 +56,7 @@ def errors_in_kernels(code: str, tmp_path: Path) -> list[str]:
     return found
 
 
-def test_six_states_of_song2016_read_nothing_unwritten(tmp_path: Path) -> None:
-    assert errors_in_kernels(SIX_STATES, tmp_path) == []
-
-
-def test_run_of_a_drive_reads_nothing_unwritten(tmp_path: Path) -> None:
+def test_a_run_and_the_paper_s_filter_read_nothing_unwritten(tmp_path: Path) -> None:
     log, output = ROOT / "sample_logs" / "intersection.mcap", tmp_path / "out.mcap"
-    assert errors_in_kernels(RUN_OF_A_DRIVE.format(log=str(log), output=str(output)), tmp_path) == []
+    code = SIX_STATES + RUN_OF_A_DRIVE.format(log=str(log), output=str(output))
+    assert errors_in_kernels(code, tmp_path) == []

@@ -13,6 +13,7 @@ from tests.cli.test_fleet import logs, reference, start
 __all__ = ["logs", "reference"]  # fixtures
 
 
+@pytest.mark.long
 def test_a_cluster_writes_the_same_bytes_as_one_process(logs: Path, reference: Path, tmp_path: Path) -> None:
     target = str(tmp_path / "out")
     process = start(logs.parent, "logs/*.mcap", "-d", target, "--tables", "--ray", "local", "--jobs", "2")
