@@ -1,7 +1,8 @@
 """Fixes that come back beside the place to which the other sources led: a receiver with another datum since then.
 
 The gate believes any fix after a long silence, because dead reckoning may be wrong in ways that its covariance does not
-hold. Mostly it does hold them, and then a fix many sigmas away shows that one side errs.
+hold. Mostly it does hold them, and then a fix many sigmas away shows that one side errs. A smaller jump stays hidden:
+the verdict excepts it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.kernels.ekf import UpdateStatus
+from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import FloatArray
 
 MIN_TIME_WITHOUT_FIX_S = 5.0
@@ -41,25 +43,51 @@ def find_contradictions_of_fixes_behind_gaps(
         nis, status: Of the filter's rows, see `passes.PassResult`.
         reports: Of the series.
     """
-    fixes = [i for i, s in enumerate(series) if s.kind is Kind.POSITION and (status[i] >= UpdateStatus.USED).any()]
-    if len(fixes) != 1:
+    behind = _fixes_behind_gaps(series, nis, status)
+    if behind is None:
         return []
-    s, found = series[fixes[0]], nis[fixes[0]]
-    back = np.flatnonzero(status[fixes[0]] >= UpdateStatus.USED)
-    back = back[back > 0]
-    gap_s = s.time_s[back] - s.time_s[back - 1]  # where fixes are rejected instead, the gate tells it
-    distance_m = np.sqrt(s.n_values_per_row * found[back, 1])
-    is_far = (
-        (gap_s > MIN_TIME_WITHOUT_FIX_S)
-        & (found[back, 0] > MIN_NIS_OF_FIX_BEHIND_GAP)
-        & (distance_m > MIN_DISTANCE_OF_FIX_BEHIND_GAP_M)
-    )
+    i, gap_s, time_s, found_nis, distance_m = behind
+    is_far = (found_nis > MIN_NIS_OF_FIX_BEHIND_GAP) & (distance_m > MIN_DISTANCE_OF_FIX_BEHIND_GAP_M)
     if not is_far.any():
         return []
-    k = int(np.argmax(np.where(is_far, found[back, 0], 0.0)))
+    k = int(np.argmax(np.where(is_far, found_nis, 0.0)))
     what = (
         f"after {gap_s[k]:.0f} s without fixes they are {distance_m[k]:.1f} m from where the other sources led, "
-        f"{found[back[k], 0] ** 0.5:.0f} sigmas (at {s.time_s[back[k]]:.1f} s)"
+        f"{found_nis[k] ** 0.5:.0f} sigmas (at {time_s[k]:.1f} s)"
     )
-    against = quantity_compared_with(reports[fixes[0]], reports)
-    return [Contradiction(SourceQuantity(s.source, s.kind), against, what, explains_misfits=True)]
+    who = SourceQuantity(reports[i].source, reports[i].kind)
+    return [Contradiction(who, quantity_compared_with(reports[i], reports), what, explains_misfits=True)]
+
+
+def add_jumps_hidden_by_gaps(
+    series: Sequence[SensorSeries],
+    nis: Sequence[FloatArray],
+    status: Sequence[npt.NDArray[np.int8]],
+    reports: Sequence[SourceReport],
+) -> tuple[SourceReport, ...]:
+    """Return the reports, that of the only fixes with the jump behind a gap that would not show; arguments as above."""
+    behind = _fixes_behind_gaps(series, nis, status)
+    if behind is None:
+        return tuple(reports)
+    i, gap_s, _, found_nis, distance_m = behind
+    sigma_m = distance_m / np.sqrt(np.maximum(found_nis, 1e-9))
+    hidden_m = np.maximum(MIN_NIS_OF_FIX_BEHIND_GAP**0.5 * sigma_m, MIN_DISTANCE_OF_FIX_BEHIND_GAP_M)
+    k = int(np.argmax(hidden_m))
+    jump = float(gap_s[k]), float(hidden_m[k])
+    return tuple(replace(r, gap_s_and_hidden_jump_m=jump) if j == i else r for j, r in enumerate(reports))
+
+
+def _fixes_behind_gaps(
+    series: Sequence[SensorSeries], nis: Sequence[FloatArray], status: Sequence[npt.NDArray[np.int8]]
+) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray] | None:
+    """Return the index of the only fixes, and of each that ends a gap: the gap, its time (s), NIS and distance (m)."""
+    fixes = [i for i, s in enumerate(series) if s.kind is Kind.POSITION and (status[i] >= UpdateStatus.USED).any()]
+    if len(fixes) != 1:
+        return None
+    s, found = series[fixes[0]], nis[fixes[0]]
+    rows = np.flatnonzero(np.diff(s.time_s) > MIN_TIME_WITHOUT_FIX_S) + 1
+    rows = rows[status[fixes[0]][rows] >= UpdateStatus.USED]  # where fixes are rejected instead, the gate tells it
+    if not len(rows):
+        return None
+    gap_s = s.time_s[rows] - s.time_s[rows - 1]
+    return fixes[0], gap_s, s.time_s[rows], found[rows, 0], np.sqrt(s.n_values_per_row * found[rows, 1])

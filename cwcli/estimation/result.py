@@ -60,6 +60,8 @@ class SourceReport:
         follows_pitch_rate: ACCEL: whether gravity was compensated with the pitch gyroscope.
         mounting: ACCEL, YAW_RATE: how the IMU was levelled, or None.
         is_checked: Whether another source clearly agrees with it, or there is none to compare it with.
+        gap_s_and_hidden_jump_m: The gap behind which the largest jump of the only fixes would not show, and that jump;
+            NaN: no long gap.
     """
 
     source: str
@@ -94,6 +96,7 @@ class SourceReport:
     follows_pitch_rate: bool = False
     mounting: ImuMounting | None = None
     is_checked: bool = True
+    gap_s_and_hidden_jump_m: tuple[float, float] = (float("nan"), float("nan"))
 
 
 @dataclass(frozen=True)

@@ -61,8 +61,8 @@ SEARCH_POSITION_NOISE_M_PER_ROOT_S = 0.03
 """Position noise during the search, m per root s. Chosen below the filter's own: slow errors need a long memory."""
 MIN_TIME_CONSTANTS_IN_LOG = 5.0
 """Least number of time constants in a log. Chosen by hand; not fitted."""
-CLIMB_FACTORS_ON_TIME_CONSTANT_OR_VARIANCE = (3.0, 3.0**0.5)
-"""Step factors of the climb, on the time constant or on sigma^2. Chosen by hand; not fitted."""
+CLIMB_FACTORS_ON_VARIANCE_AND_TIME_CONSTANT = ((3.0, 1.0), (3.0**0.5, 1.0), (3.0, 3.0), (3.0**0.5, 1.0))
+"""Step factors of the climb, on sigma^2 and on the time constant. Chosen by hand; not fitted."""
 AVERAGED_TIME_CONSTANT_FACTORS = (1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0)
 """Factors on the time constant over which a slow error is averaged. Chosen by hand; not fitted."""
 MIN_HEADING_RANGE_FOR_LEVER_ARM_RAD = 0.5
@@ -294,23 +294,19 @@ class _SensorModelTrials:
     def climb_to_likeliest_slow_error(self, trial: _SensorModelTrial, i: int) -> _SensorModelTrial:
         """Move sigma and time constant of one slow error to where the log is predicted best.
 
-        What rows close to each other show is sigma^2 / time constant alone, so one kind of step keeps that. Along it
-        the likelihood is flat: its mean is taken, not its top, which would as often be far too sure as too careful.
+        What rows close to each other show is sigma^2 / time constant alone. It comes first: too large a one is made
+        up for by a time constant that is too short. Along it the likelihood is flat, so its mean is taken, not its top,
+        which would as often be far too sure as too careful.
         """
         left = MAX_CLIMB_TRIALS
-        for step in CLIMB_FACTORS_ON_TIME_CONSTANT_OR_VARIANCE:
-            has_improved = True
-            while has_improved and left > 0:
-                has_improved = False
-                for wider, longer in ((step**0.5, step), (step**-0.5, 1.0 / step), (step**0.5, 1.0), (step**-0.5, 1.0)):
-                    slow = self._scaled_slow_error_or_none(i, trial.model.slow[i], wider, longer)
-                    if slow is None or left <= 0:
-                        continue
+        for more, longer in CLIMB_FACTORS_ON_VARIANCE_AND_TIME_CONSTANT:
+            for wider, long in ((more**-0.5, 1.0 / longer), (more**0.5, longer)):
+                while (slow := self._scaled_slow_error_or_none(i, trial.model.slow[i], wider, long)) and left > 0:
                     left -= 1
                     other = self.run_model_trial(replace(trial.model, slow={**trial.model.slow, i: slow}), trial)
-                    if other.score > trial.score:
-                        trial, has_improved = other, True
+                    if not other.score > trial.score:
                         break
+                    trial = other
         return self._average_slow_error_by_likelihood(trial, i)
 
     def _average_slow_error_by_likelihood(self, trial: _SensorModelTrial, i: int) -> _SensorModelTrial:

@@ -39,9 +39,10 @@ MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT = 25.0
 MIN_EQUAL_STAMP_SHARE = 0.5
 """Least share of messages with the stamp of the message before them that shows stamps cut to a coarse unit. Chosen: of
 two messages a second stamped in whole seconds half have it."""
-MAX_CLOCK_RATE_RATIO = 2.0
+MAX_CLOCK_RATE_RATIO = 1.01
 """Greatest rate of a clock against the log's, and the inverse of the least one; beyond it the stamps are in another
-unit, as milliseconds that are written as seconds. Chosen far above any drift."""
+unit, as milliseconds that are written as seconds, or are counted at a rate that the sensor has not. Chosen far above
+the drift of a quartz, 0.01 %."""
 WHOLE_SECONDS_TOLERANCE_S = 0.2
 """Greatest distance in s of an offset from whole seconds (time zones, leap seconds) that counts as whole. Chosen above
 usual delays."""
@@ -134,15 +135,19 @@ def align_source_clocks_and_note(
 def _replace_stamps_of_wrong_rate_and_note(
     measurements: Sequence[Measurements], trusted: Sequence[str]
 ) -> tuple[list[Measurements], list[str]]:
-    """Replace stamps that run much faster or slower than the log by log times, where most sources run with the log."""
-    rates = [_clock_rate_or_nan(m) for m in measurements]
-    is_wrong = [rate > MAX_CLOCK_RATE_RATIO or rate < 1.0 / MAX_CLOCK_RATE_RATIO for rate in rates]
-    if 2 * sum(is_wrong) >= np.isfinite(rates).sum():
+    """Replace stamps that do not run with the log by log times, where half of the sources run with it."""
+    rates = [_clock_rate_or_nan_and_time_s(m) for m in measurements]
+    is_wrong = [
+        (rate > MAX_CLOCK_RATE_RATIO or rate < 1.0 / MAX_CLOCK_RATE_RATIO)
+        and abs(rate - 1.0) * log_s > MIN_CLOCK_STEP_S
+        for rate, log_s in rates
+    ]
+    if 2 * sum(is_wrong) > sum(np.isfinite(rate) for rate, _ in rates):
         return list(measurements), []
     notes = {
-        m.source: f"{m.source}: its stamps run {rate:.3g} times as fast as the log, as in another unit; its log times "
-        "take their place"
-        for m, rate, wrong in zip(measurements, rates, is_wrong, strict=True)
+        m.source: f"{m.source}: its stamps run {rate:.3g} times as fast as the log, as in another unit or counted at "
+        "another rate; its log times take their place"
+        for m, (rate, _), wrong in zip(measurements, rates, is_wrong, strict=True)
         if wrong and m.source not in trusted
     }
     return [replace(m, stamp_ns=m.received_ns.copy()) if m.source in notes else m for m in measurements], list(
@@ -150,20 +155,20 @@ def _replace_stamps_of_wrong_rate_and_note(
     )
 
 
-def _clock_rate_or_nan(m: Measurements) -> float:
-    """Return the time that passes in the stamps over that in the log times; NaN with too few rows.
+def _clock_rate_or_nan_and_time_s(m: Measurements) -> tuple[float, float]:
+    """Return the time that passes in the stamps over that in the log times, and the latter, s; NaN with too few rows.
 
-    It is from medians over a tenth of the rows, which steps and pauses do not change.
+    They are medians over a tenth of the rows, which steps and pauses do not change.
     """
     if len(m) < 2 * MIN_ROWS_BESIDE_CLOCK_STEP:
-        return float("nan")
+        return float("nan"), 0.0
     order = np.argsort(m.received_ns, kind="stable")
     lag = len(m) // 10
     stamps_ns, log_ns = (
         median_of_finite_values((each[order][lag:] - each[order][:-lag]).astype(np.float64))
         for each in (m.stamp_ns, m.received_ns)
     )
-    return stamps_ns / log_ns if log_ns > 0 else float("nan")
+    return (stamps_ns / log_ns, log_ns / NS_PER_S) if log_ns > 0 else (float("nan"), 0.0)
 
 
 def _replace_coarse_stamps_and_note(

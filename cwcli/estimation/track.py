@@ -30,11 +30,11 @@ from cwcli.estimation.fix_scatter import (
     noise_sigma_from_scatter_about_neighbours,
     scatter_about_neighbours,
 )
-from cwcli.estimation.fixes_behind_gaps import find_contradictions_of_fixes_behind_gaps
+from cwcli.estimation.fixes_behind_gaps import add_jumps_hidden_by_gaps, find_contradictions_of_fixes_behind_gaps
 from cwcli.estimation.fixes_in_turns import (
     covariance_from_fixes_in_turns,
-    distances_of_fixes_in_turns,
     find_contradictions_of_fixes_in_turns,
+    find_fixes_of_two_places,
 )
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
 from cwcli.estimation.jumping_fixes import do_fixes_jump_for_good
@@ -297,7 +297,9 @@ def _settled_measurements_and_track(
         return settled, track
     better, track_without = tried[left_out]
     found = contradiction_of_spoiling_sources(track_without.sources, left_out)
-    if not can_third_source_judge(track.sources, left_out):
+    # Of an IMU with another wrong part it is known that it is the wrong one.
+    is_known_wrong = any(left_out[0].source == each.source for c in settled.contradictions for each in c.left_out)
+    if not is_known_wrong and not can_third_source_judge(track.sources, left_out):
         series = tuple(raise_noise_of_fixes_to_reported(better.tuned.series, track.sources))
         delays = better.tuned.delay_sigmas.larger_of_each(settled.tuned.delay_sigmas)
         better = replace(better, tuned=replace(better.tuned, series=series, delay_sigmas=delays))
@@ -342,6 +344,7 @@ def _filter_and_smooth(
         replace(report, is_checked=SourceQuantity(report.source, report.kind) not in tuned_measurements.unchecked)
         for report in (_build_source_report(p, tuned, i, result) for i, p in enumerate(prepared))
     )
+    reports = add_jumps_hidden_by_gaps(tuned.series, result.nis, result.status, reports)
     flags = compute_state_flags(
         tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal
     )
@@ -370,14 +373,14 @@ def _filter_and_smooth(
         )  # fmt: skip
         return move_states_and_covariances_to_antenna(series, pass_at_antenna.state, pass_at_antenna.covariance)[0]
 
-    in_turns = distances_of_fixes_in_turns([] if config.blind else tuned.series)
+    two_places = find_fixes_of_two_places([] if config.blind else tuned.series, output_s, state)
     sigmas_s = delay_sigmas_s(tuned.series, tuned.latencies, tuned.delay_sigmas)
     covariance = (
         covariance
         + covariance_from_moved_stamps(tuned.series, sigmas_s, state, states_of, causal=config.causal)
         + covariance_from_clock(state, tuned.delay_sigmas.clock)
         + covariance_from_coarse_fixes(tuned.series)
-        + covariance_from_fixes_in_turns(in_turns)
+        + covariance_from_fixes_in_turns(two_places)
     )
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
@@ -388,7 +391,7 @@ def _filter_and_smooth(
     if not config.blind:
         contradictions = (
             *contradictions,
-            *find_contradictions_of_fixes_in_turns(in_turns),
+            *find_contradictions_of_fixes_in_turns(two_places),
             *find_contradictions_of_fixes_behind_gaps(tuned.series, result.nis, result.status, reports),
         )
         contradictions = (*contradictions, *find_values_beyond_sensor_limits(reports, contradictions))

@@ -134,7 +134,7 @@ def _texts_on_errors_beyond_sigma(nees: Sequence[NeesOfQuantity]) -> list[str]:
 
 
 def _exception_for_unseen_drift_text(track: TrackSummary, nees: Sequence[NeesOfQuantity]) -> str:
-    """Return what the verdict does not cover: a drift or scale of the only position, unless others measure its way.
+    """Return what the verdict does not cover: a drift, scale or jump of the only position, unless others show it.
 
     A truth shows a drift, and so does the way by a speed and a heading or turn rate (docs/estimation.md). The
     acceleration of an IMU does not, as the grade of the road changes it by more than a drift of minutes; nor does the
@@ -144,6 +144,13 @@ def _exception_for_unseen_drift_text(track: TrackSummary, nees: Sequence[NeesOfQ
     positions = {s.source for s in used if s.kind is Kind.POSITION}
     if len(positions) != 1 or any(each.is_within_bounds is not None for each in nees):
         return ""
+    gap_s, jump_m = next(s.gap_s_and_hidden_jump_m for s in used if s.kind is Kind.POSITION)
+    fixes = next(iter(positions))
+    jump = (
+        ""
+        if math.isnan(jump_m)
+        else f"; {fixes} may lie up to {jump_m:.0f} m elsewhere since it paused for {gap_s:.0f} s"
+    )
     kinds = {s.kind for s in used}
     missing = [
         name
@@ -154,12 +161,12 @@ def _exception_for_unseen_drift_text(track: TrackSummary, nees: Sequence[NeesOfQ
         if not kinds & measuring_kinds
     ]
     if track.span_s < MIN_LOG_SPAN_FOR_SLOW_ERRORS_S:
-        unseen = f"a slow drift, another scale or wrong axes of {positions.pop()}"
-        return f"; in {track.span_s:.0f} s {unseen} may not show"
+        unseen = f"a slow drift, another scale or wrong axes of {fixes}"
+        return f"; in {track.span_s:.0f} s {unseen} may not show{jump}"
     if not missing:
-        return ""
-    unseen = f"a slow drift or another scale of {positions.pop()}"
-    return f"; {unseen} would not show, because no {' and no '.join(missing)} is measured"
+        return jump
+    unseen = f"a slow drift or another scale of {fixes}"
+    return f"; {unseen} would not show, because no {' and no '.join(missing)} is measured{jump}"
 
 
 def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:

@@ -254,10 +254,13 @@ def slipping(factor: float) -> Change:
 
 
 def lagging(delay_s: float) -> Change:
-    """Values of some time ago under right stamps."""
-    return lambda time_s, values: np.column_stack(
-        [np.interp(time_s - delay_s, time_s, column) for column in np.unwrap(values, axis=0).T]
-    )
+    """Values of some time ago under right stamps; headings need `unwrapped`."""
+    return lambda time_s, values: np.column_stack([np.interp(time_s - delay_s, time_s, column) for column in values.T])
+
+
+def unwrapped(change: Change) -> Change:
+    """A change of angles without their jumps by a whole turn."""
+    return lambda time_s, values: change(time_s, np.unwrap(values, axis=0))
 
 
 def noisy(sigma: float, *columns: int, share: float = 1.0) -> Change:
@@ -630,7 +633,7 @@ ROAD_FAULTS = (
     Fault("heading of the course, any below 2 m/s", Kind.HEADING, course_at_random_below(2.0), ("ego_heading",)),
     Fault("heading beside iron", Kind.HEADING, with_iron(20.0, 12.0), ("ego_heading",)),
     Fault("heading of an axis, half a turn", Kind.HEADING, lambda _, v: v % np.pi, ("ego_heading",)),
-    Fault("heading smoothed over 3 s", Kind.HEADING, lambda t, v: low_passed(3.0)(t, np.unwrap(v, axis=0)), ("ego_heading",)),
+    Fault("heading smoothed over 3 s", Kind.HEADING, unwrapped(low_passed(3.0)), ("ego_heading",)),
     Fault("heading measured once in 5 s, repeated", Kind.HEADING, held_for(5.0), ("ego_heading", "repeat")),
     Fault("speed never below 5 km/h", Kind.SPEED, at_least(5 / 3.6), ("ego_speed",)),
     Fault("speed scale grows to 1.12", Kind.SPEED, growing_scale(1.12), ("ego_speed",)),
@@ -666,7 +669,7 @@ ROAD_FAULTS = (
 IMU whose gravity was removed, and a speed in steps of 1 km/h, are no faults and may not do harm."""
 
 SOFTWARE_FAULTS = (
-    Fault("heading filtered over 1 s", Kind.HEADING, lambda t, v: low_passed(1.0)(t, np.unwrap(v, axis=0)), ("ego_heading",)),
+    Fault("heading filtered over 1 s", Kind.HEADING, unwrapped(low_passed(1.0)), ("ego_heading",)),
     Fault("heading averaged across its wrap", Kind.HEADING, averaged_across_wrap(5), ("ego_heading",)),
     Fault("speed of the east alone", Kind.SPEED, east_alone, ("ego_speed",)),
     Fault("speed slips by 8 % while it grows", Kind.SPEED, slipping_while_faster(1.08), ("ego_speed",)),

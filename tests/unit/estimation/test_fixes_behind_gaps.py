@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.contradiction import Contradiction
-from cwcli.estimation.fixes_behind_gaps import find_contradictions_of_fixes_behind_gaps
+from cwcli.estimation.fixes_behind_gaps import add_jumps_hidden_by_gaps, find_contradictions_of_fixes_behind_gaps
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.result import SourceReport
@@ -44,3 +44,14 @@ def test_what_dead_reckoning_may_err_is_not_told(nis: float, distance_m: float, 
 
 def test_another_source_of_fixes_judges_instead() -> None:
     assert found(49.0, 7.2, fixes("/other")) == []
+
+
+def test_smallest_jump_that_would_show_is_five_sigmas_and_no_less_than_a_receiver_errs() -> None:
+    rows = np.zeros((24, 5))
+    rows[10, :2] = 4.0, 0.5 * 6.0**2  # 6 m are two sigmas, so that one is 3 m
+    status = [np.full(24, UpdateStatus.USED, np.int8)]
+    report, other = add_jumps_hidden_by_gaps([fixes()], [rows], status, REPORTS)
+    assert report.gap_s_and_hidden_jump_m == pytest.approx((37.0, 15.0))
+    assert other is REPORTS[1]
+    rows[10, :2] = 4.0, 0.5 * 0.2**2
+    assert add_jumps_hidden_by_gaps([fixes()], [rows], status, REPORTS)[0].gap_s_and_hidden_jump_m[1] == 3.3

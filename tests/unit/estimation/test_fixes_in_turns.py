@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.estimation.fixes_in_turns import covariance_from_fixes_in_turns, distance_of_fixes_in_turns_m
+from cwcli.estimation.fixes_in_turns import (
+    FixesOfTwoPlaces,
+    covariance_from_fixes_in_turns,
+    distance_m_and_share_of_fixes_elsewhere,
+    distance_of_fixes_in_turns_m,
+)
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.passes import SensorSeries
 
 TIME_S = 0.1 * np.arange(600, dtype=np.float64)
 
@@ -49,7 +56,41 @@ def test_right_fixes_are_not_in_turns(noise_m: float) -> None:
     assert distance_of_fixes_in_turns_m(TIME_S[:50], fixes[:50]) == 0.0
 
 
+def elsewhere(fixes: np.ndarray, heading: np.ndarray) -> tuple[float, float]:
+    """What is found of fixes whose mean way is that of the estimate."""
+    way, _ = weaving_fixes(0.0)
+    state = np.zeros((600, 8))
+    state[:, :2] = way + (fixes - way).mean(axis=0)
+    state[:, 3] = heading
+    series = SensorSeries("/fix", Kind.POSITION, TIME_S, fixes, np.tile([0.36, 0.0, 0.36], (600, 1)))
+    return distance_m_and_share_of_fixes_elsewhere(series, TIME_S, state)
+
+
+@pytest.mark.parametrize(("noise_m", "share"), [(0.05, 0.4), (0.5, 0.4), (0.5, 0.75), (0.3, 0.2)])
+def test_receivers_in_any_order_leave_two_heaps(noise_m: float, share: float) -> None:
+    fixes, heading = weaving_fixes(noise_m)
+    is_other = np.random.default_rng(2).random(600) < share
+    fixes[is_other] += (2.4, 1.8)
+    found = elsewhere(fixes, heading)
+    assert found == pytest.approx((3.0, min(is_other.mean(), 1 - is_other.mean())), rel=0.1)
+
+
+@pytest.mark.parametrize("noise_m", [0.02, 0.6, 5.0])
+def test_right_fixes_lie_in_one_heap(noise_m: float) -> None:
+    rng = np.random.default_rng(3)
+    for seed in range(20):
+        fixes, heading = weaving_fixes(noise_m, seed)
+        assert elsewhere(fixes, heading) == (0.0, 0.0)
+        assert elsewhere(fixes + rng.uniform(-3.0, 3.0, fixes.shape), heading) == (0.0, 0.0)
+        outliers = 30.0 * rng.standard_normal(fixes.shape) * (rng.random((600, 1)) < 0.1)
+        assert elsewhere(fixes + outliers, heading) == (0.0, 0.0)
+        late = 3.0 * np.column_stack([np.cos(heading), np.sin(heading)]) * (rng.random((600, 1)) < 0.4)
+        assert elsewhere(fixes - late, heading) == (0.0, 0.0)
+        lasting = np.where(TIME_S[:, None] % 20.0 < 8.0, 3.0, 0.0)
+        assert elsewhere(fixes + lasting, heading) == (0.0, 0.0)
+
+
 def test_a_right_position_needs_no_wider_sigma() -> None:
-    assert covariance_from_fixes_in_turns([("/a", 4.0)])[:2, :2].tolist() == [[2.0, 0.0], [0.0, 2.0]]
-    assert not covariance_from_fixes_in_turns([("/a", 4.0), ("/b", 0.0)]).any()
+    assert covariance_from_fixes_in_turns([FixesOfTwoPlaces("/a", 4.0)])[:2, :2].tolist() == [[2.0, 0.0], [0.0, 2.0]]
+    assert not covariance_from_fixes_in_turns([FixesOfTwoPlaces("/a", 4.0), FixesOfTwoPlaces("/b")]).any()
     assert not covariance_from_fixes_in_turns([]).any()

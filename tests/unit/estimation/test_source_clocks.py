@@ -48,7 +48,7 @@ def test_a_clock_that_steps_in_mid_log_is_set_back(step_s: float, begin: int) ->
     assert note.startswith(f"/position: its clock is {step_s:+.2f}"[:-1])
 
 
-@pytest.mark.parametrize("rate", [1000.0, 1e-3])
+@pytest.mark.parametrize("rate", [1000.0, 1e-3, 0.5, 1.04])  # of 104 Hz counted as 100 Hz, too
 def test_stamps_in_another_unit_give_way_to_the_log_times(rate: float) -> None:
     *others, rates = drive()
     wrong = replace(rates, stamp_ns=EPOCH_NS + np.rint((rates.stamp_ns - EPOCH_NS) * rate).astype(np.int64))

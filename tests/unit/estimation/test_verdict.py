@@ -52,6 +52,14 @@ def test_a_drift_that_no_other_source_shows_is_excepted() -> None:
     assert _said(GOOD, velocity, IMU, nees=()) == f"no contradiction{no_speed}"
 
 
+def test_jump_that_a_pause_of_the_only_fixes_hides_is_excepted() -> None:
+    paused = replace(GOOD, gap_s_and_hidden_jump_m=(36.2, 12.3))
+    jump = "; /gps may lie up to 12 m elsewhere since it paused for 36 s"
+    assert _said(paused, SPEED, IMU, nees=()) == f"no contradiction{jump}"
+    assert _said(paused, IMU, nees=()).endswith(f"because no wheel speed is measured{jump}")
+    assert _said(paused, SPEED, IMU) == "consistent"  # a truth would show it
+
+
 def test_a_short_log_shows_no_drift_but_a_truth_or_other_fixes_do() -> None:
     short = replace(_track(GOOD, SPEED, IMU), span_s=20.0)
     exception = "; in 20 s a slow drift, another scale or wrong axes of /gps may not show"
