@@ -94,7 +94,9 @@ def print_comparison(console: Console, compared: ComparedRuns, *, everything: bo
             )
             for each in differing.listed
         ]
-        console.print_summary(format_table(("change", "warning or conflict", "log"), rows) if rows else "  none")
+        console.print_summary(
+            format_table(("change", "warning or conflict", "address in the report"), rows) if rows else "  none"
+        )
     for note in [*_comparison_notes(comparison, exact=compared.is_exact), *_unlisted_warning_notes(differing)]:
         console.print_note(note)
     if compared.messages is not None:

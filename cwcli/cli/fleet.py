@@ -126,7 +126,7 @@ def print_fleet_details(console: Console, fleet: FleetResult) -> None:
     ]
     console.print_summary("")
     console.print_summary(
-        format_table(("log", "status", "stages", "messages read", "messages rejected", "warnings"), rows)
+        format_table(("log id", "status", "stages", "messages read", "messages rejected", "warnings"), rows)
     )
     console.print_summary("")
     for reason, ids in _log_ids_by_left_out_reason(entries).items():

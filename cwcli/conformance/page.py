@@ -11,10 +11,13 @@ from cwcli.conformance.digest import NUMBERS_AS_PUBLISHED_TEXT
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
 
-CLAUSE_COLUMNS = ("clause", "outcome", "trials passed", "worst margin to the limit")
-TRIAL_COLUMNS = ("trial", "outcome", "passed", "passes needed", "asked", "what happened", "worst margin")
-REPETITION_COLUMNS = ("trial", "seed or log", "outcome", "margin", "what happened")
-NUMBER_COLUMNS = ("number", "value", "basis", "source", "page", "time to collision")
+CLAUSE_COLUMNS = ("name of the clause", "outcome", "trials passed", "worst margin to the limit")
+TRIAL_COLUMNS = (
+    "trial", "outcome", "repetitions passed", "passes required", "required warning or braking", "what happened",
+    "worst margin to the limit",
+)  # fmt: skip
+REPETITION_COLUMNS = ("trial", "seed or log", "outcome", "margin to the limit", "what happened")
+NUMBER_COLUMNS = ("quantity", "value", "basis of the value", "source", "page", "definition of TTC")
 
 
 def trials_table(result: ClauseResult) -> SummaryTable:
@@ -64,7 +67,7 @@ def published_numbers_table(clause: Clause) -> SummaryTable:
         )
         for name, number in named
     )
-    return SummaryTable("numbers", f"{clause.name}: numbers", NUMBER_COLUMNS, rows)
+    return SummaryTable("numbers", f"{clause.name}: numbers of the standard", NUMBER_COLUMNS, rows)
 
 
 def detail_tables(result: ClauseResult) -> list[SummaryTable]:

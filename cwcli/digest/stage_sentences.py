@@ -138,7 +138,7 @@ def _measure_sentence(summary: RecordedSummary, tables: Tables) -> str:
 
 def _crashes_by_policy_sentence(summary: RecordedSummary, tables: Tables) -> str:
     """Count, for each policy, how many of the warned encounters end in a crash."""
-    rows = summary.rows_of_table_columns_or_empty("control", "braking policy", "crash")
+    rows = summary.rows_of_table_columns_or_empty("control", "braking policy", "outlines touch")
     hits: dict[str, list[bool]] = {}
     for policy, hit in rows:
         hits.setdefault(_cell_to_name(policy), []).append(hit in ("yes", True))

@@ -46,16 +46,16 @@ LINK_TABLE_COLUMNS: Mapping[str, ColumnDoc] = {
 LINK_HEADINGS = (
     "station",
     "messages received",
-    "messages sent (by message count)",
+    "messages sent, by their counter",
     "packet error ratio",
-    "messages sent per second [Hz]",
-    "median latency [s]",
-    "95 % of latencies below [s]",
-    "age of newest message, below this 95 % of the time [s]",
+    "message rate of the sender [Hz]",
+    "median delay from generation to reception [s]",
+    "95 % of these delays below [s]",
+    "age of the newest message, 95 % of the time below [s]",
     "pauses in reception",
     "longest pause [s]",
-    "pauses too long to count losses",
-    "farthest reception [m]",
+    "pauses too long for counting losses",
+    "greatest distance at reception [m]",
 )
 """Headings of the table `link` on the terminal, in the order of its columns."""
 

@@ -106,7 +106,7 @@ def build_nees_section(errors: TruthErrors) -> SummaryTable:
         "Errors over what the covariance promises (NEES, normalised estimation error squared, per degree of freedom "
         "(dof): about 1 if the covariance is right)"
     )
-    columns = ("quantity", "NEES/dof", "95 % bounds of NEES/dof", "inside bounds")
+    columns = ("quantity", "NEES/dof", "95 % bounds of NEES/dof", "NEES/dof within bounds")
     return SummaryTable("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
 
 

@@ -52,17 +52,17 @@ TERMINAL_HEADING_BY_SCORE_COLUMN = {
     "n_conflicts_warned": "conflicts with a warning in time",
     "n_conflicts_late": "conflicts with a late warning",
     "n_conflicts_missed": "conflicts missed",
-    "n_crashes": "crashes",
-    "lead_time_mean_s": "lead time, mean [s]",
-    "lead_time_min_s": "lead time, least [s]",
+    "n_crashes": "conflicts in which the outlines touched",
+    "lead_time_mean_s": "time from warning to conflict, mean [s]",
+    "lead_time_min_s": "time from warning to conflict, least [s]",
     "host_hours": "length of the ego's track [h]",
 }
 """Column of the table `scores` -> what the summary calls it."""
 VERDICT_HEADINGS = (
     "verdict on the warning",
-    "lead time before the real conflict [s]",
+    "time from warning to real conflict [s]",
     "real least distance of centres [m]",
-    "real crash",
+    "outlines really touched",
 )
 """Headings of the verdicts, which the table of warnings gets in addition."""
 

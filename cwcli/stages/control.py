@@ -224,9 +224,9 @@ def _replay_warnings_and_note(
         busy_until_ns = one.stamp_ns(float(encounter.outcome.time_s[-1]))
     notes = []
     if n_covered:
-        notes.append(f"left out, because raised during the replay of an earlier warning: {n_covered}")
+        notes.append(f"warnings raised during the replay of an earlier one, left out: {n_covered}")
     notes += [
-        f"event {one.event_id}: vehicle {one.other_id} is behind the host and does not react to its braking"
+        f"warning {one.event_id}: vehicle {one.other_id} is behind the host and does not react to its braking"
         for one in replayed
         if one.encounter.is_behind
     ]
@@ -298,10 +298,10 @@ def _summary_tables(
     columns = (
         WARNING_NUMBER_HEADING,
         "braking policy",
-        "crash",
-        "relative speed at crash [m/s]",
+        "outlines touch",
+        "relative speed at contact [m/s]",
         "least distance of centres [m]",
-        "least gap [m]",
+        "least gap of outlines [m]",
         "peak deceleration [m/s^2]",
         "peak jerk [m/s^3]",
         "time to standstill [s]",

@@ -225,7 +225,7 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
     """Return the table of encounters, those with the least time to collision first, then the nearest."""
     found = [row for pair in pairs for row in _encounter_rows(pair, start_ns)]
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
-    columns = ("vehicle", "start [s]", "end [s]", "crash", *SHOWN_MEASURES.values())
+    columns = ("vehicle", "start [s]", "end [s]", "outlines touched", *SHOWN_MEASURES.values())
     names = ("vehicle", "from [s]", "to [s]", "crash", *SHOWN_MEASURES.values())
     title = (
         "Most critical encounters (within 50 m; times from the log's start), with the worst value of each measure: "

@@ -271,11 +271,11 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
         "sensor",
         "detections",
         "detections used",
-        "detections without a track",
-        "detections rejected",
+        "detections of no track",
+        "faulty detections",
         "NIS/dof",
         "95 % bounds of NIS/dof",
-        "inside bounds",
+        "NIS/dof within bounds",
     )
     names = (*columns[:2], "used", "no track", "faulty", "NIS/dof", "bounds_95", "inside")
     title = (
@@ -310,7 +310,7 @@ def _tuned_noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) 
         rows.append(("process", _process_noise_cell("turn rate", "rad/s^1.5"), turn_noise_density(tuned)))
     names = ("source", "quantity", "found")
     title = "Noise fitted to this log: factor on each given sigma, and noise of the targets' motion (process)"
-    return SummaryTable("noise", title, ("source", "quantity", "fitted value"), tuple(rows), names=names)
+    return SummaryTable("noise", title, ("source", "quantity", "fitted factor or noise"), tuple(rows), names=names)
 
 
 def _process_noise_cell(name: str, unit: str) -> CellWithValues:

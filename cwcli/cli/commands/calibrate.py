@@ -33,10 +33,10 @@ CALIBRATION_TABLE_HEADINGS = (
     "quantity",
     "constant",
     "value",
-    "+- (95 %)",
-    "logs",
-    "chi2/dof",
-    "agreement",
+    "95 % bound, +-",
+    "logs used",
+    "chi2/dof between logs",
+    "agreement of the logs",
 )
 """Headings of the table of constants."""
 FORMAT_BY_DRIVING_EVIDENCE = {

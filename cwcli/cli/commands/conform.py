@@ -247,7 +247,10 @@ def _list_clauses(console: Console, *, as_json: bool) -> int:
         console.print_document("conform", {"clauses": rows})
         return EXIT_DONE
     console.print_summary(
-        format_table(("clause", "number of trials", "title"), [(c.name, len(c.trials), c.title) for c in known])
+        format_table(
+            ("name of the clause", "number of trials", "standard and subject"),
+            [(c.name, len(c.trials), c.title) for c in known],
+        )
     )
     return EXIT_DONE
 

@@ -47,7 +47,7 @@ SYSTEM_TABLE_HEADINGS = (
     "metric",
     "the other system",
     "cwcli",
-    "comparison",
+    "states/reference",
     "samples",
 )
 """Headings of the table of another system's metrics."""
@@ -187,7 +187,7 @@ def _print_evaluation(
     console.print_heading(f"{run.source}: {what}")
     shown = [row for name, row in pooled.items() if everything or _is_shown_by_default(name)]
     own = [row for row in shown if row.stage != "system"]
-    headings = ("metric", "value", "comparison", "95 % interval", "samples")
+    headings = ("metric", "value", "states/reference", "95 % interval", "samples")
     console.print_summary(format_table(headings, [_metric_cells(row) for row in own]))
     if len(shown) < len(pooled):
         console.print_summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")

@@ -199,14 +199,14 @@ def _print_search(console: Console, search: FleetSearch, listed: tuple[FoundEven
             for each in listed[:MAX_SHOWN_EVENTS]
         ]
         head = (
-            "log",
-            "event",
+            "log file",
+            "kind of event",
             "start [s]",
             "duration [s]",
-            "actors",
+            "vehicles",
             "what happened",
             "severity (1: at threshold)",
-            "id",
+            "event id",
         )
         console.print_summary(format_table(head, rows))
     if len(listed) > MAX_SHOWN_EVENTS:

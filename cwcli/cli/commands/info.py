@@ -335,7 +335,7 @@ def print_log_description(console: Console, document: Document) -> None:
         )
         for channel in document["channels"]
     ]
-    console.print_summary(format_table(("topic", "schema", "encoding", "messages", "Hz", "used as"), rows))
+    console.print_summary(format_table(("topic", "schema", "encoding", "messages", "rate [Hz]", "used as"), rows))
     console.print_summary("")
     unused = [each for each in document["channels"] if each["why_not"]]
     if unused:
@@ -344,7 +344,7 @@ def print_log_description(console: Console, document: Document) -> None:
             console.print_summary(line)
         console.print_summary("")
     _print_message_checks(console, document)
-    heads = ("command", "can run", "signals that are missing")
+    heads = ("stage", "can run", "missing signals")
     console.print_summary(format_table(heads, _stage_command_rows(document["commands"])))
     for note in dict.fromkeys(document["notes"]):
         console.print_note(note)
@@ -357,9 +357,9 @@ def _print_message_checks(console: Console, document: Document) -> None:
     if "health" in document:
         numbers = (
             "rate [Hz]",
-            "gaps",
+            "gaps of messages",
             "longest gap [s]",
-            "log time minus stamp [ms]",
+            "median of log time minus stamp [ms]",
             "clock drift [ms/min]",
             "messages out of order",
             "messages damaged",
@@ -389,7 +389,7 @@ def _print_message_checks(console: Console, document: Document) -> None:
             for each in document["inputs"]
         ]
         console.print_summary(
-            format_table(("topic", "used as", "messages read", "messages used", "why not used"), counts)
+            format_table(("topic", "used as", "messages read", "messages used", "why others are not used"), counts)
         )
         console.print_summary("")
     if "contract" in document:
@@ -398,7 +398,9 @@ def _print_message_checks(console: Console, document: Document) -> None:
             for each in document["contract"]
         ]
         console.print_summary(
-            format_table(("topic or log", "condition of the contract", "value in the log", "verdict"), checks)
+            format_table(
+                ("topic or log", "condition of the contract", "value in the log", "condition kept or broken"), checks
+            )
         )
         console.print_summary("")
 

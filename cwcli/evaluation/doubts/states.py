@@ -25,7 +25,9 @@ TRUTH_RULES_RECORD_KEY = "truth_rules"
 
 def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
     """Yield each quantity whose NEES is outside its bounds and too large."""
-    rows = evidence.estimate_summary.rows_of_table_columns_or_empty("nees", "quantity", "NEES/dof", "inside bounds")
+    rows = evidence.estimate_summary.rows_of_table_columns_or_empty(
+        "nees", "quantity", "NEES/dof", "NEES/dof within bounds"
+    )
     found = [
         (to_float_or_nan(nees), str(name))
         for name, nees, inside in rows

@@ -20,8 +20,8 @@ from cwcli.stages.summaries import NIS_CELL_BY_IS_WITHIN_BOUNDS, cell_of_low_and
 FLAGGED_STATES_HEADINGS = {
     StateFlag.STARTING: "states soon after the start",
     StateFlag.AFTER_RESET: "states soon after a reset",
-    StateFlag.BRIDGED: "states without measurements",
-    StateFlag.REJECTING: "states while measurements are rejected",
+    StateFlag.BRIDGED: "states in long position gaps",
+    StateFlag.REJECTING: "states while a source is rejected",
 }
 """Flag of states -> heading of their number in the table of tracks."""
 
@@ -133,10 +133,10 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
         "source",
         "quantity",
         "white noise (1 sigma)",
-        "origin of the noise",
+        "where the noise is from",
         "NIS per dof",
         "95 % bounds of NIS per dof",
-        "in or out",
+        "NIS per dof within bounds",
     )
     title = (
         "Sensors of the ego: white noise (1 sigma), and the innovations over what it explains (NIS, normalised "

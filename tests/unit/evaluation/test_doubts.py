@@ -49,7 +49,7 @@ def table(key: str, columns: list[str], *rows: list[Any]) -> dict[str, Any]:
 
 
 def nees(*rows: list[Any]) -> dict[str, Any]:
-    return table("nees", ["quantity", "NEES/dof", "inside bounds"], *rows)
+    return table("nees", ["quantity", "NEES/dof", "NEES/dof within bounds"], *rows)
 
 
 def evidence(

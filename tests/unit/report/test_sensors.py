@@ -36,7 +36,12 @@ def drive(summary: dict[str, Any] | None = None, **motion: float) -> Drive:
 
 
 def summary(*rows: list[Any], **more: Any) -> dict[str, Any]:
-    nees = {"key": "nees", "title": "NEES", "columns": ["quantity", "NEES/dof", "inside bounds"], "rows": list(rows)}
+    nees = {
+        "key": "nees",
+        "title": "NEES",
+        "columns": ["quantity", "NEES/dof", "NEES/dof within bounds"],
+        "rows": list(rows),
+    }
     return {"verdict": "consistent", "notes": [], "sections": [nees], **more}
 
 
@@ -69,7 +74,7 @@ def test_the_section_holds_tables_verdict_and_every_note() -> None:
     assert view.verdict == "not consistent: x"
     assert view.notes == ("estimate: /gps/fix: 1 gap", "predict: late")
     (table,) = view.tables
-    assert table.columns == (("quantity", False), ("NEES/dof", True), ("inside bounds", False))
+    assert table.columns == (("quantity", False), ("NEES/dof", True), ("NEES/dof within bounds", False))
     assert table.rows == (("speed", "1.000", "in"),)
 
 

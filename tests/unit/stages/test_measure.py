@@ -110,7 +110,7 @@ def test_a_crash_is_driven_again(tmp_path: Path) -> None:
     assert not rows["careful human"]["avoided"]
     assert [section.key for section in result.summary.sections] == ["encounters", "preventability"]
     table = result.summary.sections[0]
-    assert [row[table.columns.index("crash")] for row in table.rows] == [True]
+    assert [row[table.columns.index("outlines touched")] for row in table.rows] == [True]
     assert not follower(tmp_path).tables["preventability"].rows_as_dicts()
 
 
