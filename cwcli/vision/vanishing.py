@@ -5,7 +5,7 @@ lanes. Each line segment below a candidate point votes for it by its length and 
 heavy-tailed kernel keeps the edges of cars and bridges from mattering. Used where the camera's mounting is not known.
 
 Shadows of trees and railings, drops and streaks of rain have many parallel edges. Where few of a frame's votes agree,
-points to which edges of many directions lead are possible too, and the lanes found from each decide (`lane_detect`).
+points to which edges of many directions lead are possible too, and the best lane from each decides (`lane_detect`).
 
 Source of the segments: R. Grompone von Gioi et al., LSD: a line segment detector, Image Processing On Line 2 (2012), by
 OpenCV. It leaves out gradients of less than some grey levels, whatever the contrast, so at dusk or in haze few lines
