@@ -1,8 +1,7 @@
 """Fixes of two receivers or antennas in one topic: every second one lies beside the others.
 
 A filter takes the mean of both, and what is wrong by half their distance never shows, as each pair is wrong alike. But
-noise forgets itself from row to row: a fix that lies to the left of its neighbours now says nothing of one a second
-later. Of fixes in turns it does. Of receivers that come in any order it does not, but the fixes then lie in two heaps.
+of one receiver every second fix lies where the others lie, and all together lie in one heap about the way.
 """
 
 from __future__ import annotations
@@ -15,25 +14,17 @@ from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, Sourc
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import EastNorthRows, FloatArray, StateCovariance, StateRows, median_of_values
+from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, StateCovariance, StateRows, median_of_values
 from cwcli.signals.vehicle_state import HEADING, X, Y
 
 MIN_FIXES_IN_TURNS = 100
 """Least number of fixes that show it. Chosen by hand: ten blocks of five pairs."""
 MIN_DISTANCE_OF_TWO_ANTENNAS_M = 1.0
 """Least distance that is told, m. Chosen: a car's width is 2 m, and two antennas on a roof are 1 m apart."""
-COMPARED_ROWS_APART = 6
-"""Rows between two compared deviations, an even number: those of noise share no fix. Chosen as small, as
-cars turn."""
 N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS = 10
 """Number of parts of the log that must all show it. Chosen by hand: chance does so in one log of a thousand."""
 MIN_SIGMAS_OF_DISTANCE = 6.0
-"""Least squared distance in its sigmas, of rows of which one in `COMPARED_ROWS_APART` is independent. Chosen: chance
-makes it once in 10^9 logs."""
-MAX_STEP_TO_USUAL = 1.5
-"""Longest step between two compared fixes, in usual steps. Chosen by hand: then none is missing."""
-
-
+"""Least distance in its sigmas. Chosen: chance makes it once in 10^8 logs."""
 MAX_SHARE_OF_VARIANCE_WITHIN_HEAPS = 0.2
 """Greatest share of the variance that is left within two heaps. Chosen by hand, not fitted: it is 0.36 of normal and
 0.25 of uniform values, and 0.1 of two heaps six sigmas apart."""
@@ -45,63 +36,72 @@ MIN_COSINE_ALONG_WAY = 0.9
 """Cosine of the angle between the two heaps and the way from which they lie along it. Chosen by hand."""
 
 
-def distance_of_fixes_in_turns_m(time_s: FloatArray, fixes_m: EastNorthRows) -> float:
-    """Return how far every second fix lies beside the others, m; 0 where it does not.
-
-    Args:
-        time_s: Shape (n,), increasing.
-        fixes_m: Shape (n, 2).
-    """
-    if len(time_s) < MIN_FIXES_IN_TURNS:
-        return 0.0
-    step_s = np.diff(time_s)
-    is_whole = (step_s > 0.0) & (step_s < MAX_STEP_TO_USUAL * median_of_values(step_s))
-    is_whole &= (np.diff(fixes_m, axis=0) != 0.0).any(axis=1)  # a repeated fix comes late, from no other place
-    share = (step_s[:-1] / np.maximum(step_s[:-1] + step_s[1:], 1e-9))[:, None]
-    deviation = fixes_m[1:-1] - ((1.0 - share) * fixes_m[:-2] + share * fixes_m[2:])
-    deviation[1::2] *= -1.0
-    product = np.einsum("ni,ni->n", deviation[:-COMPARED_ROWS_APART], deviation[COMPARED_ROWS_APART:])
-    # One missing fix exchanges the two receivers
-    n_broken = np.append(0, np.cumsum(~is_whole))
-    product = product[n_broken[COMPARED_ROWS_APART + 2 :] == n_broken[: -COMPARED_ROWS_APART - 2]]
-    if len(product) < MIN_FIXES_IN_TURNS // 2:
-        return 0.0
-    blocks = np.array([block.mean() for block in np.array_split(product, N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS)])
-    squared_m2 = float(product.mean())
-    sigma_m2 = float(product.std()) / (len(product) / COMPARED_ROWS_APART) ** 0.5
-    is_clear = squared_m2 > max(MIN_DISTANCE_OF_TWO_ANTENNAS_M**2, MIN_SIGMAS_OF_DISTANCE * sigma_m2) and bool(
-        (blocks > 0.0).all()
-    )
-    return squared_m2**0.5 if is_clear else 0.0
-
-
-def distance_m_and_share_of_fixes_elsewhere(
-    fixes: SensorSeries, time_s: FloatArray, state: StateRows
-) -> tuple[float, float]:
-    """Return how far a part of the fixes lies beside the others, m, and its share; zeros where none does.
-
-    Two receivers that come in any order leave two heaps of differences from the way; those of one receiver leave one.
-    Late stamps leave two along the way alone.
+def distance_m_and_words_of_two_places(fixes: SensorSeries, time_s: FloatArray, state: StateRows) -> tuple[float, str]:
+    """Return how far some fixes lie beside the others, m, and words for those that do; 0 where none do.
 
     Args:
         fixes: Positions.
         time_s, state: Times (m,) and states (m, 8) of the estimate from them.
     """
-    none = 0.0, 0.0
     if len(fixes) < MIN_FIXES_IN_TURNS or len(time_s) < 2 or max(fixes.coarse_steps_m) > 0.0:
-        return none
+        return 0.0, ""
     at_s = fixes.time_s - fixes.latency_s
     beside_m = fixes.values - np.column_stack([np.interp(at_s, time_s, state[:, k]) for k in (X, Y)])
+    heading = np.interp(at_s, time_s, state[:, HEADING])
+    step_s = np.diff(fixes.time_s)
+    n_steps = np.maximum(np.rint(step_s / max(median_of_values(step_s), 1e-9)), 1.0)
+    is_odd = np.append(0.0, np.cumsum(n_steps)) % 2.0 == 1.0
     size_m = np.hypot(*beside_m.T)
-    is_near = size_m < MAX_USUAL_DIFFERENCES * median_of_values(size_m)
+    is_near = size_m <= MAX_USUAL_DIFFERENCES * median_of_values(size_m)
     is_near &= (at_s >= time_s[0]) & (at_s <= time_s[-1])
     if is_near.sum() < MIN_FIXES_IN_TURNS:
-        return none
-    beside_m, at_s = beside_m[is_near], at_s[is_near]
+        return 0.0, ""
+    beside_m, heading, is_odd = beside_m[is_near], heading[is_near], is_odd[is_near]
+    if distance_m := distance_of_every_second_fix_m(beside_m, heading, is_odd):
+        return distance_m, "every second fix lies"
+    distance_m, share = distance_m_and_share_of_two_heaps(beside_m, heading)
+    return distance_m, f"{100 * share:.0f} % of its fixes lie"
+
+
+def distance_of_every_second_fix_m(beside_m: EastNorthRows, heading_rad: FloatArray, is_odd: BoolArray) -> float:
+    """Return how far every second fix lies beside the others, m, on the map or as the car turns; 0 where it does not.
+
+    Args:
+        beside_m: Shape (n, 2): fixes less the places of the estimate.
+        heading_rad: Shape (n,).
+        is_odd: Shape (n,): the fix is one of the second ones.
+    """
+    sign = np.where(is_odd, 1.0, -1.0)[:, None]
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    in_car_m = np.column_stack(
+        [cos * beside_m[:, 0] + sin * beside_m[:, 1], cos * beside_m[:, 1] - sin * beside_m[:, 0]]
+    )
+    most_m = 0.0
+    for moved_m in (sign * beside_m, sign * in_car_m):
+        mean_m = moved_m.mean(axis=0)
+        half_m = float(np.hypot(*mean_m))
+        along_m = moved_m @ (mean_m / max(half_m, 1e-9))
+        blocks = np.array_split(along_m, N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS)
+        sigma_m = float(along_m.std()) / len(along_m) ** 0.5
+        is_clear = 2.0 * half_m > MIN_DISTANCE_OF_TWO_ANTENNAS_M and half_m > MIN_SIGMAS_OF_DISTANCE * sigma_m
+        if is_clear and min(float(block.mean()) for block in blocks) > 0.0:
+            most_m = max(most_m, 2.0 * half_m)
+    return most_m
+
+
+def distance_m_and_share_of_two_heaps(beside_m: EastNorthRows, heading_rad: FloatArray) -> tuple[float, float]:
+    """Return how far a part of the fixes lies beside the others, m, and its share; zeros where none does.
+
+    Two receivers that come in any order leave two heaps of differences from the way; those of one receiver leave one.
+    Late stamps leave two along the way alone. For the arguments see above.
+    """
+    none = 0.0, 0.0
     _, axes = np.linalg.eigh(np.cov(beside_m.T))
     along = axes[:, 1]
-    heading = np.interp(at_s, time_s, state[:, HEADING])
-    if np.mean(np.abs(np.column_stack([np.cos(heading), np.sin(heading)]) @ along) > MIN_COSINE_ALONG_WAY) > 0.9:
+    if (
+        np.mean(np.abs(np.column_stack([np.cos(heading_rad), np.sin(heading_rad)]) @ along) > MIN_COSINE_ALONG_WAY)
+        > 0.9
+    ):
         return none
     values = beside_m @ along
     limit, share_within = _limit_and_share_of_variance_within_two_heaps(values)
@@ -178,11 +178,7 @@ def find_fixes_of_two_places(
             continue
         each = FixesOfTwoPlaces(s.source)
         if not s.is_exact:
-            if distance_m := distance_of_fixes_in_turns_m(s.time_s, s.values):
-                each = FixesOfTwoPlaces(s.source, distance_m, "every second fix lies")
-            else:
-                distance_m, share = distance_m_and_share_of_fixes_elsewhere(s, time_s, state)
-                each = FixesOfTwoPlaces(s.source, distance_m, f"{100 * share:.0f} % of its fixes lie")
+            each = FixesOfTwoPlaces(s.source, *distance_m_and_words_of_two_places(s, time_s, state))
         found.append(each)
     return found
 

@@ -8,8 +8,7 @@ import pytest
 from cwcli.estimation.fixes_in_turns import (
     FixesOfTwoPlaces,
     covariance_from_fixes_in_turns,
-    distance_m_and_share_of_fixes_elsewhere,
-    distance_of_fixes_in_turns_m,
+    distance_m_and_words_of_two_places,
 )
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import SensorSeries
@@ -24,55 +23,56 @@ def weaving_fixes(noise_m: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray
     return way + noise_m * np.random.default_rng(seed).standard_normal(way.shape), heading
 
 
+def found_of(fixes: np.ndarray, time_s: np.ndarray = TIME_S) -> tuple[float, str]:
+    """What is found of fixes whose mean way is that of the estimate."""
+    way, _ = weaving_fixes(0.0)
+    state = np.zeros((600, 8))
+    there = np.isin(TIME_S, time_s)
+    state[:, :2] = way + (fixes - way[there]).mean(axis=0)
+    state[:, 3] = 1.5 * np.sin(0.2 * TIME_S)
+    series = SensorSeries("/fix", Kind.POSITION, time_s, fixes, np.tile([0.36, 0.0, 0.36], (len(fixes), 1)))
+    return distance_m_and_words_of_two_places(series, TIME_S, state)
+
+
 @pytest.mark.parametrize(
-    ("noise_m", "offset_m"), [(0.05, (3.0, -2.0)), (0.6, (3.0, -2.0)), (1.5, (3.0, -2.0)), (0.6, (0.0, 1.5))]
+    ("noise_m", "offset_m"), [(0.05, (3.0, -2.0)), (0.6, (3.0, -2.0)), (1.5, (2.4, -1.8)), (0.6, (0.0, 1.5))]
 )
 def test_distance_of_two_receivers_is_found(noise_m: float, offset_m: tuple[float, float]) -> None:
     fixes, _ = weaving_fixes(noise_m)
     fixes[1::2] += offset_m
-    assert distance_of_fixes_in_turns_m(TIME_S, fixes) == pytest.approx(np.hypot(*offset_m), rel=0.15)
+    assert found_of(fixes) == (pytest.approx(np.hypot(*offset_m), rel=0.15), "every second fix lies")
 
 
 def test_distance_of_two_antennas_turns_with_the_car() -> None:
     fixes, heading = weaving_fixes(0.3)
     fixes[::2] += 2.0 * np.column_stack([np.cos(heading), np.sin(heading)])[::2]
-    assert distance_of_fixes_in_turns_m(TIME_S, fixes) == pytest.approx(2.0, rel=0.1)
+    assert found_of(fixes)[0] == pytest.approx(2.0, rel=0.1)
 
 
 def test_missing_fixes_do_not_hide_it() -> None:
     fixes, _ = weaving_fixes(0.3)
     fixes[1::2] += (2.0, 0.0)
     there = np.random.default_rng(1).random(600) > 0.03
-    assert distance_of_fixes_in_turns_m(TIME_S[there], fixes[there]) == pytest.approx(2.0, rel=0.15)
+    assert found_of(fixes[there], TIME_S[there])[0] == pytest.approx(2.0, rel=0.15)
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.02, 0.6, 5.0])
 def test_right_fixes_are_not_in_turns(noise_m: float) -> None:
     for seed in range(20):
         fixes, _ = weaving_fixes(noise_m, seed)
-        assert distance_of_fixes_in_turns_m(TIME_S, fixes) == 0.0
-        assert distance_of_fixes_in_turns_m(TIME_S, np.round(fixes / 7.4) * 7.4) == 0.0
-        assert distance_of_fixes_in_turns_m(TIME_S, np.repeat(fixes[::2], 2, axis=0)) == 0.0
-    assert distance_of_fixes_in_turns_m(TIME_S[:50], fixes[:50]) == 0.0
-
-
-def elsewhere(fixes: np.ndarray, heading: np.ndarray) -> tuple[float, float]:
-    """What is found of fixes whose mean way is that of the estimate."""
-    way, _ = weaving_fixes(0.0)
-    state = np.zeros((600, 8))
-    state[:, :2] = way + (fixes - way).mean(axis=0)
-    state[:, 3] = heading
-    series = SensorSeries("/fix", Kind.POSITION, TIME_S, fixes, np.tile([0.36, 0.0, 0.36], (600, 1)))
-    return distance_m_and_share_of_fixes_elsewhere(series, TIME_S, state)
+        assert found_of(fixes)[0] == 0.0
+    assert found_of(fixes[:50], TIME_S[:50])[0] == 0.0
 
 
 @pytest.mark.parametrize(("noise_m", "share"), [(0.05, 0.4), (0.5, 0.4), (0.5, 0.75), (0.3, 0.2)])
 def test_receivers_in_any_order_leave_two_heaps(noise_m: float, share: float) -> None:
-    fixes, heading = weaving_fixes(noise_m)
+    fixes, _ = weaving_fixes(noise_m)
     is_other = np.random.default_rng(2).random(600) < share
     fixes[is_other] += (2.4, 1.8)
-    found = elsewhere(fixes, heading)
-    assert found == pytest.approx((3.0, min(is_other.mean(), 1 - is_other.mean())), rel=0.1)
+    percent = round(100 * min(is_other.mean(), 1 - is_other.mean()))
+    distance_m, words = found_of(fixes)
+    assert distance_m == pytest.approx(3.0, rel=0.1)
+    assert words in [f"{percent + k} % of its fixes lie" for k in (-1, 0, 1)]
 
 
 @pytest.mark.parametrize("noise_m", [0.02, 0.6, 5.0])
@@ -80,14 +80,14 @@ def test_right_fixes_lie_in_one_heap(noise_m: float) -> None:
     rng = np.random.default_rng(3)
     for seed in range(20):
         fixes, heading = weaving_fixes(noise_m, seed)
-        assert elsewhere(fixes, heading) == (0.0, 0.0)
-        assert elsewhere(fixes + rng.uniform(-3.0, 3.0, fixes.shape), heading) == (0.0, 0.0)
+        assert found_of(fixes)[0] == 0.0
+        assert found_of(fixes + rng.uniform(-3.0, 3.0, fixes.shape))[0] == 0.0
         outliers = 30.0 * rng.standard_normal(fixes.shape) * (rng.random((600, 1)) < 0.1)
-        assert elsewhere(fixes + outliers, heading) == (0.0, 0.0)
+        assert found_of(fixes + outliers)[0] == 0.0
         late = 3.0 * np.column_stack([np.cos(heading), np.sin(heading)]) * (rng.random((600, 1)) < 0.4)
-        assert elsewhere(fixes - late, heading) == (0.0, 0.0)
+        assert found_of(fixes - late)[0] == 0.0
         lasting = np.where(TIME_S[:, None] % 20.0 < 8.0, 3.0, 0.0)
-        assert elsewhere(fixes + lasting, heading) == (0.0, 0.0)
+        assert found_of(fixes + lasting)[0] == 0.0
 
 
 def test_a_right_position_needs_no_wider_sigma() -> None:
