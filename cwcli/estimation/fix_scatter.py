@@ -45,6 +45,9 @@ noise of the kind in `QUANTITIES`."""
 DOUBTED_SHARE_OF_LASTING_ERROR = 0.25
 """Least lasting error that raises a doubt, as a share of those of `MIN_LASTING_ERROR_BY_KIND`. Chosen by hand: as much
 as a car's place is off by half a degree of heading in 4 s."""
+MAX_SLOW_CHANGES_ALONG_TO_ACROSS = 1.4
+"""Greatest ratio of the changes of a slow error of fixes along the way to those across it that raises no doubt. Chosen
+by hand: it is 0.9 to 1.0 in the scenario `phone`, and 1.5 to 8 where a speed waves or slips."""
 KINDS_WITH_LASTING_ERROR_DOUBT = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
 """Kinds whose lasting errors raise a doubt. The velocity of a receiver is smoothed, so its errors always last."""
 
@@ -102,6 +105,12 @@ def do_errors_raise_doubt(report: SourceReport) -> bool:
     return report.kind in KINDS_WITH_LASTING_ERROR_DOUBT and lasting_sigma(report) > (
         DOUBTED_SHARE_OF_LASTING_ERROR * MIN_LASTING_ERROR_BY_KIND[report.kind]
     )
+
+
+def is_slow_error_one_of_speed(report: SourceReport) -> bool:
+    """Whether a slow error of fixes lies along the way, as only one that another source causes does."""
+    slow = report.slow_error
+    return slow.status is ParameterStatus.USED and slow.along_to_across > MAX_SLOW_CHANGES_ALONG_TO_ACROSS
 
 
 def is_sigma_explained_by_scatter(kind: Kind, sigma: float, scatter: float) -> bool:

@@ -18,6 +18,7 @@ from cwcli.estimation.fix_scatter import (
     do_errors_raise_doubt,
     is_sigma_a_lasting_error,
     is_sigma_explained_by_scatter,
+    is_slow_error_one_of_speed,
 )
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
@@ -82,6 +83,7 @@ def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
         and r.kind not in RATE_KINDS
         and (
             do_errors_raise_doubt(r)
+            or is_slow_error_one_of_speed(r)
             or not LATENCY_CHANGE_PER_SECOND_RANGE.contains_or_is_nan(r.latency.drift)
             or r.n_gated > MAX_UNDOUBTED_GATED_ROW_SHARE * (r.n_used + r.n_gated)
         )
@@ -158,8 +160,8 @@ def find_spoiling_sources(
     Args:
         trusted: Sources that are never left out.
     """
-    is_misfit = bool(quantities_with_unusual_noise_or_error(reports))
-    if not is_misfit and not quantities_in_doubt(reports):
+    is_misfit, in_doubt = bool(quantities_with_unusual_noise_or_error(reports)), quantities_in_doubt(reports)
+    if not is_misfit and not in_doubt:
         return ()
     groups = quantity_groups_to_leave_out(reports, trusted)
     if not is_misfit:  # a receiver may err like that, too
@@ -181,7 +183,10 @@ def find_spoiling_sources(
     best = max(
         gains, key=lambda group: _culprit_log_likelihood_advantage_over_group(group, best, found_without), default=()
     )
-    return best if best and gains[best] > MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT else ()
+    min_gain = MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT
+    if len(gains) == 1 and in_doubt & {*best}:  # what was doubted before is the only one to explain it
+        min_gain *= 0.5
+    return best if best and gains[best] > min_gain else ()
 
 
 def _culprit_log_likelihood_advantage_over_group(

@@ -6,7 +6,12 @@ import math
 from collections.abc import Iterator, Sequence
 
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
-from cwcli.estimation.fix_scatter import do_errors_raise_doubt, is_sigma_a_lasting_error, lasting_sigma
+from cwcli.estimation.fix_scatter import (
+    do_errors_raise_doubt,
+    is_sigma_a_lasting_error,
+    is_slow_error_one_of_speed,
+    lasting_sigma,
+)
 from cwcli.estimation.latency import MS_PER_MINUTE_OF_UNIT_DRIFT, LatencyStatus
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
 from cwcli.estimation.parameter import Parameter, ParameterStatus
@@ -90,7 +95,9 @@ def find_contradictions_of_changing_latencies(
 def doubt_about_lasting_errors(reports: Sequence[SourceReport]) -> str:
     """Return a sentence on a source whose errors last although no sensor is clearly wrong; "" where there is none."""
     for report in reports:
-        if report.n_used and report.slow_error.status is not ParameterStatus.USED and do_errors_raise_doubt(report):
+        is_along = is_slow_error_one_of_speed(report)
+        is_doubted = report.slow_error.status is not ParameterStatus.USED and do_errors_raise_doubt(report)
+        if report.n_used and (is_along or is_doubted):
             unit = QUANTITIES[report.kind].unit
             others = ", ".join(
                 str(SourceQuantity(r.source, r.kind))
@@ -98,7 +105,10 @@ def doubt_about_lasting_errors(reports: Sequence[SourceReport]) -> str:
                 if r.n_used and r.kind not in (report.kind, Kind.POSITION)
             )
             who = SourceQuantity(report.source, report.kind)
-            how = f"errs by {lasting_sigma(report):.2g} {unit} for long, and scatters by {report.scatter:.2g} {unit}"
+            sigma = report.slow_error.sigma if is_along else lasting_sigma(report)
+            how = f"errs by {sigma:.2g} {unit} for long, and scatters by {report.scatter:.2g} {unit}"
+            if is_along:
+                how += f", {report.slow_error.along_to_across:.2g} times as much along the way as across it"
             return f"{who} {how}: it wanders, or one of {others or 'the others'} is late, smoothed or of another scale"
     return ""
 

@@ -52,12 +52,14 @@ class SlowError:
         time_s: Time constant, seconds; NaN = none found.
         status: How it was treated.
         largest: Largest absolute value in the log, in the unit of sigma; NaN = none found.
+        along_to_across: Of a position: how much more it changes along the way than across it; NaN = unknown.
     """
 
     sigma: float = float("nan")
     time_s: float = float("nan")
     status: ParameterStatus = ParameterStatus.OFF
     largest: float = float("nan")
+    along_to_across: float = float("nan")
 
 
 NO_PARAMETER = Parameter()

@@ -80,6 +80,7 @@ from cwcli.estimation.slow_drift import (
     covariance_from_drifts,
     find_contradictions_of_drifting_fixes,
     largest_slow_position_error_or_nan_m,
+    slow_changes_along_to_across_or_nan,
 )
 from cwcli.estimation.song2016 import estimate_track_with_song2016
 from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_on_hidden_clock_steps
@@ -103,7 +104,7 @@ from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import chi_square_mean_bounds, nis_gate_limit
-from cwcli.signals.columns import Int64Array, StateRows, Strings
+from cwcli.signals.columns import FloatArray, Int64Array, StateRows, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
 from cwcli.work_share import part_of_work, report_work
@@ -342,7 +343,7 @@ def _filter_and_smooth(
         notes += notes_on_rows_before_start(tuned.series, result)
     reports = tuple(
         replace(report, is_checked=SourceQuantity(report.source, report.kind) not in tuned_measurements.unchecked)
-        for report in (_build_source_report(p, tuned, i, result) for i, p in enumerate(prepared))
+        for report in (_build_source_report(p, tuned, i, result, output_s) for i, p in enumerate(prepared))
     )
     reports = add_jumps_hidden_by_gaps(tuned.series, result.nis, result.status, reports)
     flags = compute_state_flags(
@@ -479,7 +480,7 @@ def _refine_start_by_smoothing(tuned: TunedSeries, start: FilterStart, reset_aft
 
 
 def _build_source_report(
-    prepared_series: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult
+    prepared_series: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult, output_s: FloatArray
 ) -> SourceReport:
     s, latency, stated = tuned.series[i], tuned.latencies[i], prepared_series.series
     nis, status = result.nis[i][:, 0], result.status[i]
@@ -539,6 +540,7 @@ def _build_source_report(
             float("nan") if slow is None else slow.time_s,
             found.status.get((i, "slow"), ParameterStatus.OFF),
             largest_slow_position_error_or_nan_m(s, result.state),
+            slow_changes_along_to_across_or_nan(s, output_s, result.state),
         ),
         follows_pitch_rate=i in found.model.pitch_compensated,
     )

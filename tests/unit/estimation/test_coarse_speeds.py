@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -37,3 +39,24 @@ def test_finer_speeds_are_left_as_they_are(step_mps: float) -> None:
     time_s, _, notes = selected(step_mps)
     assert len(time_s) == len(TIME_S)
     assert not notes
+
+
+@pytest.mark.parametrize(
+    ("to_step", "words"), [(np.floor, "rounded down to"), (np.ceil, "rounded up to"), (np.rint, "rounded to")]
+)
+def test_fixes_show_which_way_speeds_are_rounded(to_step: Any, words: str) -> None:
+    step_mps = 5.0 / 3.6
+    stamp_ns = np.rint(1e9 * TIME_S).astype(np.int64)
+    east = np.cumsum(TRUE_MPS) * 0.1
+    fixes = np.column_stack([east, np.zeros_like(east)]) + 0.5 * np.random.default_rng(0).standard_normal((1201, 2))
+    sources = [
+        Measurements("/fix", Kind.POSITION, stamp_ns, fixes),
+        Measurements("/speed", Kind.SPEED, stamp_ns, step_mps * to_step(TRUE_MPS / step_mps)[:, None]),
+    ]
+    prepared, (note,) = keep_changes_and_standstills_of_coarse_speeds_and_note(
+        clean_and_sort_measurements_and_note(sources, 0)[0]
+    )
+    s = prepared[1].series
+    is_change = s.values[:, 0] > 0.5
+    assert np.abs(s.values[is_change, 0] - np.interp(s.time_s[is_change], TIME_S, TRUE_MPS)).max() < 0.1
+    assert words in note

@@ -68,6 +68,9 @@ def test_what_is_a_misfit(report: SourceReport, is_misfit: bool) -> None:
         (replace(SPEED, kind=Kind.VELOCITY, sigma=0.25), False),  # receivers smooth it
         (replace(HEADING, sigma=0.025), True),
         (replace(FIX, sigma=0.8), True),
+        (replace(FIX, slow_error=SlowError(1.0, 30.0, ParameterStatus.USED, along_to_across=1.5)), True),
+        (replace(FIX, slow_error=SlowError(1.0, 30.0, ParameterStatus.USED, along_to_across=1.3)), False),
+        (replace(FIX, slow_error=SlowError(along_to_across=1.5)), False),
         (replace(SPEED, n_gated=6), True),
         (replace(SPEED, n_gated=5), False),
         (replace(SPEED, latency=Latency(LatencyStatus.DRIFTS, 0.1, 0.01, drift=1.1e-3)), True),
@@ -90,6 +93,19 @@ def test_a_doubt_leaves_no_source_out_that_no_third_one_judges() -> None:
     assert find_spoiling_sources((doubtful, ACCEL, YAW_RATE), reports_without) == ()
     assert tried == []
     assert find_spoiling_sources((doubtful, *ALL[1:]), reports_without) != ()
+
+
+@pytest.mark.parametrize(("gain", "is_left_out"), [(22.0, False), (23.0, True)])
+def test_half_the_gain_is_enough_where_what_was_doubted_alone_explains_it(gain: float, is_left_out: bool) -> None:
+    doubted = replace(SPEED, sigma=0.25)
+
+    def reports_without(quantities: Sequence[SourceQuantity]) -> Sequence[SourceReport]:
+        left = [FIX, doubted, *ALL[2:]]
+        better = [replace(FIX, log_likelihood=-500.0 + gain), *ALL[2:]]
+        return better if quantities == (SPEED_QUANTITY,) else left
+
+    found = find_spoiling_sources((FIX, doubted, *ALL[2:]), reports_without)
+    assert found == (SPEED_QUANTITY,) * is_left_out
 
 
 def test_positions_and_trusted_sources_are_never_left_out_and_an_imu_also_as_a_whole() -> None:

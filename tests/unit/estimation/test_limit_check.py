@@ -189,7 +189,7 @@ def test_a_speed_in_km_h_that_nobody_compares_is_absorbed_by_no_parameter() -> N
             assert sensor_limits.range_of_sensor_error("slow", report.kind).contains_or_is_nan(report.slow_error.sigma)
         if report.latency.status is LatencyStatus.APPLIED:
             assert sensor_limits.LATENCY_RANGE.contains_or_is_nan(report.latency.found_s)
-    assert {report.scale.status for report in track.sources} & {BEYOND}
+    assert BEYOND in {each.status for report in track.sources for each in (report.scale, report.slow_error)}
     assert consistency_verdict_sentence(summarise_track(track)).startswith(
         "not consistent: ego_position (gnss) contradicts ego_speed (speed)"
     )
@@ -214,3 +214,7 @@ def test_a_doubt_names_the_source_that_errs_for_long_and_all_that_it_is_compared
     assert "imu yaw rate (/imu)" in words
     assert doubt_about_lasting_errors([replace(fixes, sigma=0.65), YAW_RATE]) == ""
     assert doubt_about_lasting_errors([replace(fixes, slow_error=SlowError(1.0, 30.0, USED)), YAW_RATE]) == ""
+    along = replace(fixes, slow_error=SlowError(1.2, 30.0, USED, along_to_across=1.9))
+    assert doubt_about_lasting_errors([along, YAW_RATE]).startswith(
+        "ego_position (/fix) errs by 1.2 m for long, and scatters by 0.6 m, 1.9 times as much along the way as across"
+    )

@@ -12,8 +12,13 @@ from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import ParameterStatus, SlowError
+from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.slow_drift import covariance_from_drifts, find_contradictions_of_drifting_fixes
+from cwcli.estimation.slow_drift import (
+    covariance_from_drifts,
+    find_contradictions_of_drifting_fixes,
+    slow_changes_along_to_across_or_nan,
+)
 from tests.studies.lying_sensors import estimated, run_fault, simulated
 from tests.studies.sensor_faults import FAULTS
 from tests.studies.sensor_model import measurements_of
@@ -39,6 +44,21 @@ def test_a_slow_error_far_beyond_its_sigma_is_a_drift(sigma_m: float, largest_m:
     assert [(each.who, each.against, each.left_out) for each in found] == [(FIX_ID, SPEED_ID, ())] * is_told
     assert bool(covariance_from_drifts([drifting, SPEED]).any()) is is_told
     assert find_contradictions_of_drifting_fixes([drifting, SPEED], [Contradiction(SPEED_ID, FIX_ID, "...")]) == []
+
+
+@pytest.mark.parametrize(("along", "across"), [(1.0, 1.0), (3.0, 1.0), (1.0, 2.0)])
+def test_changes_along_the_way_are_told_from_those_across_it(along: float, across: float) -> None:
+    time_s = 0.05 * np.arange(6000.0)
+    state = np.zeros((6000, 10))
+    state[:, 2], state[:, 3] = 10.0, 0.05 * time_s
+    changes = np.random.default_rng(0).standard_normal((6000, 2)) @ np.diag([along, across])
+    cos, sin = np.cos(state[:, 3]), np.sin(state[:, 3])
+    state[:, 8] = np.cumsum(cos * changes[:, 0] - sin * changes[:, 1])
+    state[:, 9] = np.cumsum(sin * changes[:, 0] + cos * changes[:, 1])
+    fixes = SensorSeries("/fix", Kind.POSITION, time_s, state[:, :2], np.ones((6000, 3)), slow_state=8)
+    assert slow_changes_along_to_across_or_nan(fixes, time_s, state) == pytest.approx(along / across, rel=0.3)
+    assert np.isnan(slow_changes_along_to_across_or_nan(replace(fixes, slow_state=-1), time_s, state))
+    assert np.isnan(slow_changes_along_to_across_or_nan(fixes, time_s[:1000], state[:1000]))  # 50 s are too few
 
 
 def test_a_velocity_that_its_receiver_smooths_shows_no_drift() -> None:
