@@ -14,7 +14,7 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, Constant, ConstantStatus
 from cwcli.estimation.imu import ImuMounting
-from cwcli.estimation.latency import MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus, is_reference_of_each_series
+from cwcli.estimation.latency import MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus, is_latency_reference_by_series
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
 from cwcli.estimation.parameter import Parameter, ParameterStatus
@@ -174,7 +174,7 @@ def fuse_latencies_with_calibration_and_note(
     reference = next(
         (
             calibration.find_constant_or_unknown(s.source, s.kind, "latency_s")
-            for s, is_reference in zip(series, is_reference_of_each_series(series), strict=True)
+            for s, is_reference in zip(series, is_latency_reference_by_series(series), strict=True)
             if is_reference and calibration.find_constant_or_unknown(s.source, s.kind, "latency_s").has_value
         ),
         Constant(value=0.0, sigma=0.0),

@@ -346,7 +346,7 @@ def format_calibration_toml(calibration: Calibration) -> str:
     return "\n".join(lines) + "\n"
 
 
-def calibration_record_entry(calibration: Calibration | None) -> dict[str, str]:
+def run_record_entry_of_calibration_file(calibration: Calibration | None) -> dict[str, str]:
     """Return the entry of a run's record with the content of the calibration file; empty without a calibration."""
     return {} if calibration is None else {"calibration": format_calibration_toml(calibration)}
 

@@ -10,14 +10,14 @@ from cwcli.estimation.calibrated import apply_calibrated_noise_and_empty_unknown
 from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES, MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus
-from cwcli.estimation.lever_arms import set_given_lever_arms
+from cwcli.estimation.lever_arms import set_lever_arms_of_user
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements_and_note, earliest_stamp_ns
 from cwcli.estimation.score import INNOVATION_CAP_PROBABILITY, is_prediction_clearly_better, row_log_likelihoods
 from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt
-from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.start import find_full_filter_start
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
@@ -61,7 +61,7 @@ def notes_on_worse_prediction_with_calibration(
     )
     of_car = apply_calibrated_noise_and_empty_unknown(_prepare_series(measurements, config, calibration), calibration)
     calibrated = _tune_and_predict_log(of_car, replace(config, causal=True, blind=True))
-    gains = _row_log_likelihood_gains_by_source(own, calibrated)
+    gains = _row_log_likelihood_gains_of_own_constants(own, calibrated)
     worse = [
         (source, kind)
         for (source, kind), gain in gains.items()
@@ -86,7 +86,7 @@ def _prepare_series(
     prepared, _ = clean_and_sort_measurements_and_note(
         correct_and_list_imu_units_and_tilt(measurements)[0], earliest_stamp_ns(measurements), mountings
     )
-    return set_given_lever_arms(prepared, config.lever_arms)
+    return set_lever_arms_of_user(prepared, config.lever_arms)
 
 
 def _empty_series_unknown_to_calibration(
@@ -100,7 +100,7 @@ def _empty_series_unknown_to_calibration(
 def _tune_and_predict_log(prepared: Sequence[PreparedSeries], config: EstimatorConfig) -> _PredictedLog:
     tuned = tune_latencies_and_noise(prepared, config, MotionParameters())
     series = [replace(s, gate_nis=nis_gate_limit(INNOVATION_CAP_PROBABILITY, s.n_values_per_row)) for s in tuned.series]
-    start = find_start_with_parameter_states(series, tuned.prior, causal=True)
+    start = find_full_filter_start(series, tuned.prior, causal=True)
     start.state[N_MOTION_STATES:] = tuned.mean[N_MOTION_STATES:]
     result = run_filter_pass(series, start, tuned.motion, np.zeros(0), smooth=False, reset_after=config.reset_after)
     scores = {
@@ -111,7 +111,7 @@ def _tune_and_predict_log(prepared: Sequence[PreparedSeries], config: EstimatorC
     return _PredictedLog(tuned, scores)
 
 
-def _row_log_likelihood_gains_by_source(
+def _row_log_likelihood_gains_of_own_constants(
     own: _PredictedLog, calibrated: _PredictedLog
 ) -> dict[tuple[str, Kind], FloatArray]:
     """Return the log-likelihood that the log's own constants gain per row, by source and kind."""
@@ -158,8 +158,8 @@ def _root_mean_square_noise_sigma(s: SensorSeries) -> float:
     return float(np.sqrt(s.noise[:, 0].mean())) if len(s) else 1.0
 
 
-def _found_latency_and_sigma_s(found: Latency) -> tuple[float, float]:
+def _found_latency_and_sigma_s(latency: Latency) -> tuple[float, float]:
     """Return latency and sigma (s) that were found in the log; both 0 for the reference."""
-    if found.status is LatencyStatus.REFERENCE or not np.isfinite(found.found_s):
+    if latency.status is LatencyStatus.REFERENCE or not np.isfinite(latency.found_s):
         return 0.0, 0.0
-    return found.found_s, found.sigma_s
+    return latency.found_s, latency.sigma_s

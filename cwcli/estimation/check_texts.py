@@ -63,15 +63,15 @@ class SourceComparisonCheck(StrEnum):
         if self is SourceComparisonCheck.SPEED_CHANGE:
             axis = "its forward axis shows" if blamed_kind is Kind.ACCEL else "it shows"
             return f"{axis} {ratio_or_difference:.2f} times the change of speed"
-        return _forward_acceleration_text(
+        return _forward_acceleration_contradiction_text(
             blamed_kind, ratio_or_difference, is_slow=self is SourceComparisonCheck.SLOW_ACCEL
         )
 
 
-def _forward_acceleration_text(who: Kind, difference_or_time_s: float, *, is_slow: bool) -> str:
+def _forward_acceleration_contradiction_text(blamed_kind: Kind, difference_or_time_s: float, *, is_slow: bool) -> str:
     if not is_slow:
         return f"its forward acceleration is {difference_or_time_s:+.2f} m/s^2 off"
-    name = "it" if who is Kind.ACCEL else "the other one"
+    name = "it" if blamed_kind is Kind.ACCEL else "the other one"
     return f"{name} loses accelerations in {difference_or_time_s:.0f} s, as if its slow part were filtered out"
 
 
@@ -83,12 +83,12 @@ def _turn_contradiction_text(turn_ratio: float) -> str:
     return f"it turns {turn_ratio:.2f} times as far"
 
 
-def _distance_contradiction_text(who: Kind, against: Kind, distance_ratio: float) -> str:
+def _distance_contradiction_text(blamed_kind: Kind, other_kind: Kind, distance_ratio: float) -> str:
     if distance_ratio < 0.0:
         return f"it reads {distance_ratio:.2f} times the way: its sign is wrong"
-    if against is Kind.POSITION:
+    if other_kind is Kind.POSITION:
         ratio_text = f"the car covered {distance_ratio:.2f} times the distance between the fixes"
-    elif who is Kind.POSITION:
+    elif blamed_kind is Kind.POSITION:
         ratio_text = f"the fixes lie {distance_ratio:.2f} times as far apart as the car went"
     else:
         ratio_text = f"its way is {distance_ratio:.2f} times as long"
@@ -100,4 +100,4 @@ def _distance_contradiction_text(who: Kind, against: Kind, distance_ratio: float
         ),
         "",
     )
-    return f"{ratio_text}, as if {unit} were taken for m/s" if unit and who is not Kind.POSITION else ratio_text
+    return f"{ratio_text}, as if {unit} were taken for m/s" if unit and blamed_kind is not Kind.POSITION else ratio_text

@@ -3,8 +3,8 @@
 A source that is late by e, and is not corrected for it, gives the state of e ago: its position lies v e behind, its
 speed a e, its heading w e. All rows of a source have the same e, so that the filter does not average it out. How much
 of that the states take up, and for how long, the filter itself shows: it runs again with the stamps of one source moved
-by one sigma of its delay (`covariance_from_moved_stamps`). Beside a gyroscope what a bend adds to the heading lasts for
-half a minute.
+by one sigma of its delay (`covariance_from_unknown_delays`). Beside a gyroscope what a bend adds to the heading lasts
+for half a minute.
 
 A clock of all sources that is off by e moves the whole state: the covariance grows by x' x'^T sigma^2 with the rate of
 change x' of the state.
@@ -49,7 +49,7 @@ class DelaySigmas:
     heading: float = 0.0
     clock: float = 0.0
 
-    def larger_of_each(self, other: DelaySigmas) -> DelaySigmas:
+    def elementwise_max(self, other: DelaySigmas) -> DelaySigmas:
         """Return the larger sigma of each quantity."""
         return DelaySigmas(
             max(self.position, other.position),
@@ -117,14 +117,14 @@ def delay_sigmas_of_best_known_sources(
     return DelaySigmas(found[X], found[SPEED], found[HEADING], clock_sigma_s)
 
 
-def delay_sigmas_s(series: Sequence[SensorSeries], latencies: Sequence[Latency], least: DelaySigmas) -> FloatArray:
+def delay_sigmas_s(series: Sequence[SensorSeries], latencies: Sequence[Latency], min_sigmas: DelaySigmas) -> FloatArray:
     """Return one sigma of what is not known of the delay of each series (n,), s.
 
     Args:
         series, latencies: Parallel.
-        least: Least sigma of the sources of each quantity.
+        min_sigmas: Least sigma of the sources of each quantity.
     """
-    least_s = {Kind.POSITION: least.position, Kind.SPEED: least.speed, Kind.HEADING: least.heading}
+    least_s = {Kind.POSITION: min_sigmas.position, Kind.SPEED: min_sigmas.speed, Kind.HEADING: min_sigmas.heading}
     return np.array(
         [
             max(
@@ -138,11 +138,11 @@ def delay_sigmas_s(series: Sequence[SensorSeries], latencies: Sequence[Latency],
     )
 
 
-def covariance_from_moved_stamps(
+def covariance_from_unknown_delays(
     series: Sequence[SensorSeries],
     sigmas_s: FloatArray,
     state: StateRows,
-    states_of: Callable[[Sequence[SensorSeries]], StateRows],
+    estimate_states: Callable[[Sequence[SensorSeries]], StateRows],
     *,
     causal: bool,
 ) -> StateCovariances:
@@ -155,7 +155,7 @@ def covariance_from_moved_stamps(
         series: Series of one vehicle.
         sigmas_s: Shape (n,): one sigma of the delay of each series.
         state: The states as they are.
-        states_of: Estimates the states from other series.
+        estimate_states: Estimates the states from other series.
         causal: No later state may count.
     """
     grown = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
@@ -168,12 +168,12 @@ def covariance_from_moved_stamps(
             continue
         moved_series = [replace(s, latency_s=s.latency_s - sigma_s) for s, sigma_s in zip(series, own_s, strict=True)]
         most = max(own_s) * rate
-        change = np.clip(np.nan_to_num(states_of(moved_series) - state), -most, most)
+        change = np.clip(np.nan_to_num(estimate_states(moved_series) - state), -most, most)
         grown += change[:, :, None] * change[:, None, :]
     return grown
 
 
-def covariance_from_clock(state: StateRows, sigma_s: float) -> StateCovariances:
+def covariance_from_clock_error(state: StateRows, sigma_s: float) -> StateCovariances:
     """Return the covariance (m, 8, 8) that a clock of all sources adds to states (m, 8), with one sigma of it, s."""
     rate = _state_changes_per_second(state)
     return np.asarray(sigma_s**2 * rate[:, :, None] * rate[:, None, :])

@@ -87,7 +87,7 @@ def is_sigma_clearly_above_scatter(sigma: float, scatter: float, n_rows: int) ->
     return sigma > (1.0 + excess) * scatter
 
 
-def lasting_sigma(report: SourceReport) -> float:
+def lasting_error_sigma(report: SourceReport) -> float:
     """Return one sigma of the errors of a source that last, in its unit; 0 where its scatter explains its noise.
 
     It is 0, too, where messages state the noise.
@@ -100,9 +100,9 @@ def lasting_sigma(report: SourceReport) -> float:
     return math.sqrt(report.sigma**2 - scatter**2)
 
 
-def do_errors_raise_doubt(report: SourceReport) -> bool:
+def is_lasting_error_large(report: SourceReport) -> bool:
     """Whether errors of a source that last are large enough to doubt that all sources are right."""
-    return report.kind in KINDS_WITH_LASTING_ERROR_DOUBT and lasting_sigma(report) > (
+    return report.kind in KINDS_WITH_LASTING_ERROR_DOUBT and lasting_error_sigma(report) > (
         DOUBTED_SHARE_OF_LASTING_ERROR * MIN_LASTING_ERROR_BY_KIND[report.kind]
     )
 
@@ -130,7 +130,7 @@ def covariance_from_lasting_errors(reports: Sequence[SourceReport]) -> StateCova
     """
     added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
     variances_m2 = [
-        lasting_sigma(r) ** 2 if r.slow_error.status is not ParameterStatus.USED else 0.0
+        lasting_error_sigma(r) ** 2 if r.slow_error.status is not ParameterStatus.USED else 0.0
         for r in reports
         if r.kind is Kind.POSITION and r.n_used
     ]

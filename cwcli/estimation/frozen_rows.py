@@ -89,12 +89,12 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows, fixes: Fi
             lambda begin_s, end_s: fixes.mean_speed_mps(begin_s, end_s) > MIN_MOVING_SPEED_MPS,
         )
     if kind is Kind.POSITION:
-        held = _held_fix_mask(time_s, values)
-        return held | _resting_fix_mask(time_s, values, held)
+        held = _frozen_fix_while_moving_mask(time_s, values)
+        return held | _nearly_resting_fix_before_jump_mask(time_s, values, held)
     return np.zeros(len(time_s), np.bool_)
 
 
-def _held_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
+def _frozen_fix_while_moving_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
     """Return a mask (n,) of fixes (n, 2) that repeat the last one for long while the car moved on, as the next shows.
 
     A receiver without satellites may send its last fix again. One that holds the fix of a standing car does so, too,
@@ -114,7 +114,7 @@ def _held_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows) -> BoolArray:
     return np.zeros(len(time_s), np.bool_) if is_usual else is_held
 
 
-def _resting_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_known: BoolArray) -> BoolArray:
+def _nearly_resting_fix_before_jump_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_frozen: BoolArray) -> BoolArray:
     """Return a mask (n,) of fixes (n, 2) that rest with some noise, between a moving car and a jump to where it is.
 
     A receiver without satellites may filter its last fix on and on. One of a car that stands comes to rest more slowly,
@@ -125,7 +125,7 @@ def _resting_fix_mask(time_s: FloatArray, fixes_m: EastNorthRows, is_known: Bool
         return resting
     step_s, step_m = np.diff(time_s), np.hypot(*np.diff(fixes_m, axis=0).T)
     is_jump = (
-        ~is_known[:-1]
+        ~is_frozen[:-1]
         & (step_m > MIN_MOVING_SPEED_MPS * MIN_DURATION_OF_RESTING_FIXES_S)
         & (step_s < MAX_JUMP_STEP_TO_USUAL * median_of_values(step_s))
     )

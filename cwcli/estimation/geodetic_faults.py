@@ -35,7 +35,7 @@ class GeodeticFault:
     correct: Callable[[PositionSignal], PositionSignal]
     needs_vote: bool = True
 
-    def gives_places_on_earth(self, signal: PositionSignal) -> bool:
+    def are_corrected_fixes_on_earth(self, signal: PositionSignal) -> bool:
         """Whether the corrected fixes are places on the earth."""
         corrected = self.correct(signal)
         return all(

@@ -17,7 +17,7 @@ from cwcli.estimation.hypotheses.imu import (
     ACCEL_UNIT_HYPOTHESES,
     GYRO_UNIT_HYPOTHESES,
     IMU_SIGN_HYPOTHESES,
-    axes_hypothesis,
+    imu_axes_hypothesis,
     signed_axis_rotations,
 )
 from cwcli.estimation.measurements import Kind
@@ -36,7 +36,7 @@ from cwcli.estimation.step_evidence import (
     MIN_SPEED_CHANGE_SIGMA_MPS,
     MIN_TURN_SIGMA_RAD,
     StepResiduals,
-    log_likelihood_gains,
+    log_likelihood_gains_of_candidates,
 )
 from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_between_edges, trapezoidal_integral
 from cwcli.lazy_dataclass import dataclass
@@ -115,7 +115,7 @@ class _ImuFault:
             *([GYRO_UNIT_HYPOTHESES[self.gyro_unit - 1]] if self.gyro_unit else []),
             *([IMU_SIGN_HYPOTHESES[0]] if self.accel_sign < 0 else []),
             *([IMU_SIGN_HYPOTHESES[1]] if self.gyro_sign < 0 else []),
-            *([axes_hypothesis(*self.axes)] if self.axes != (1, 2, 3) else []),
+            *([imu_axes_hypothesis(*self.axes)] if self.axes != (1, 2, 3) else []),
         ]
         found: Hypothesis | None = None
         for part in parts:
@@ -247,7 +247,7 @@ def _log_likelihood_gains_over_nominal_axis_and_unit(
         return found
 
     keys = list(product(SIGNED_IMU_AXES, range(len(units))))
-    gains = log_likelihood_gains(
+    gains = log_likelihood_gains_of_candidates(
         axis_residuals_of_steps(nominal_axis, 1.0), [axis_residuals_of_steps(axis, units[unit]) for axis, unit in keys]
     )
     return dict(zip(keys, gains, strict=True))

@@ -48,7 +48,7 @@ MAX_OUTLIER_SHARE_OF_JUMP = 0.6
 
 
 @dataclass(frozen=True)
-class _Continuation:
+class _MaxDistance:
     """How far apart two fixes may lie between which others are wrong.
 
     Attributes:
@@ -71,7 +71,7 @@ def fixes_jumped_away_mask(time_s: FloatArray, values: EastNorthRows, scatter_m:
         scatter_m: One sigma of the noise of a fix on each axis.
     """
     is_away = np.zeros(len(time_s), np.bool_)
-    bound = _continuation_of_fixes(time_s, values, scatter_m) if len(time_s) else _Continuation(0.0, 0.0)
+    bound = _max_distance_of_fixes(time_s, values, scatter_m) if len(time_s) else _MaxDistance(0.0, 0.0)
     found = _stretches_between_jumps_away_and_back(
         time_s, values, _first_rows_after_jumps(time_s, values, bound), bound
     )
@@ -95,14 +95,14 @@ def do_fixes_jump_for_good(time_s: FloatArray, values: EastNorthRows, scatter_m:
     """
     if not len(time_s):
         return False
-    bound = _continuation_of_fixes(time_s, values, scatter_m)
+    bound = _max_distance_of_fixes(time_s, values, scatter_m)
     first_rows = _first_rows_after_jumps(time_s, values, bound)
     explained = _stretches_between_jumps_away_and_back(time_s, values, first_rows, bound)
     return any(not any(begin <= row <= end for begin, end in explained) for row in first_rows.tolist())
 
 
 def _stretches_between_jumps_away_and_back(
-    time_s: FloatArray, values: EastNorthRows, first_rows: npt.NDArray[np.intp], bound: _Continuation
+    time_s: FloatArray, values: EastNorthRows, first_rows: npt.NDArray[np.intp], bound: _MaxDistance
 ) -> list[tuple[int, int]]:
     """Return begin and end of the stretches of rows between a jump away and one back, of any length."""
     if len(first_rows) < 2:
@@ -127,7 +127,7 @@ def _stretches_between_jumps_away_and_back(
     return found
 
 
-def _first_rows_after_jumps(time_s: FloatArray, values: EastNorthRows, bound: _Continuation) -> npt.NDArray[np.intp]:
+def _first_rows_after_jumps(time_s: FloatArray, values: EastNorthRows, bound: _MaxDistance) -> npt.NDArray[np.intp]:
     """Return the rows to which a fix jumps: the step to them differs from those before and after it."""
     if len(time_s) < 4:
         return np.zeros(0, np.intp)
@@ -143,11 +143,11 @@ def _first_rows_after_jumps(time_s: FloatArray, values: EastNorthRows, bound: _C
         jump_m = np.minimum(jump_m, differs_m)
     least_m = bound.least_jump_m + 0.5 * MAX_CAR_ACCELERATION_MPS2 * step_s**2
     rows = np.flatnonzero((jump_m > least_m) & (step_s < MAX_FIX_INTERVAL_OF_JUMP_S)) + 1
-    return rows[[not _is_half_of_outlier(time_s, values, rows, row, bound) for row in rows.tolist()]]
+    return rows[[not _is_jump_half_of_single_outlier(time_s, values, rows, row, bound) for row in rows.tolist()]]
 
 
-def _is_half_of_outlier(
-    time_s: FloatArray, values: EastNorthRows, rows: npt.NDArray[np.intp], row: int, bound: _Continuation
+def _is_jump_half_of_single_outlier(
+    time_s: FloatArray, values: EastNorthRows, rows: npt.NDArray[np.intp], row: int, bound: _MaxDistance
 ) -> bool:
     """Whether a jump to a row is one side of a single wrong fix, whose other side is too small to be a jump."""
     for wrong, other_side in ((row - 1, row - 1), (row, row + 1)):
@@ -169,7 +169,7 @@ def _does_last_stretch_continue_first(
     begins: npt.NDArray[np.intp],
     lasts: npt.NDArray[np.intp],
     stretches: list[int],
-    bound: _Continuation,
+    bound: _MaxDistance,
 ) -> bool:
     """Whether the last one of some stretches goes on where the first one ended, and those in between lie beside."""
     ordered = sorted(stretches)
@@ -185,8 +185,8 @@ def _does_last_stretch_continue_first(
     return least_m > MIN_FAR_JUMP_M or float(np.hypot(*(jump_away + back))) < MAX_RETURN_JUMP_DIFFERENCE_SHARE * least_m
 
 
-def _continuation_of_fixes(time_s: FloatArray, values: EastNorthRows, scatter_m: float) -> _Continuation:
+def _max_distance_of_fixes(time_s: FloatArray, values: EastNorthRows, scatter_m: float) -> _MaxDistance:
     lag = max(1, int(np.searchsorted(time_s, time_s[0] + USUAL_SPEED_STEP_S)))
     speeds_mps = np.hypot(*(values[lag:] - values[:-lag]).T) / np.maximum(time_s[lag:] - time_s[:-lag], 1e-3)
     usual_mps = 2.0 * (median_of_finite_values(speeds_mps) if len(speeds_mps) else 0.0) + MIN_USUAL_SPEED_MPS
-    return _Continuation(usual_mps, max(MIN_JUMP_IN_DIFFERENCE_SIGMAS * math.sqrt(2.0) * scatter_m, MIN_FIX_JUMP_M))
+    return _MaxDistance(usual_mps, max(MIN_JUMP_IN_DIFFERENCE_SIGMAS * math.sqrt(2.0) * scatter_m, MIN_FIX_JUMP_M))

@@ -139,7 +139,7 @@ def latencies_known_without_search(series: Sequence[SensorSeries], config: Estim
     if config.latency == "none":
         return [UNSEARCHED_LATENCY for _ in series]
     roles: list[Latency | None] = []
-    for s, is_reference in zip(series, is_reference_of_each_series(series), strict=True):
+    for s, is_reference in zip(series, is_latency_reference_by_series(series), strict=True):
         if (given_latency_s := latency_given_by_user(s, config)) is not None:
             roles.append(given_latency_s)
         elif is_reference:
@@ -153,7 +153,7 @@ def latencies_known_without_search(series: Sequence[SensorSeries], config: Estim
     return roles
 
 
-def is_reference_of_each_series(series: Sequence[SensorSeries]) -> list[bool]:
+def is_latency_reference_by_series(series: Sequence[SensorSeries]) -> list[bool]:
     """Return for each series whether it is a reference of the others: see `_reference_source_and_kinds`."""
     source, kinds = _reference_source_and_kinds(series)
     return [s.source == source and s.kind in kinds for s in series]

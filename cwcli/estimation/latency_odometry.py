@@ -39,7 +39,7 @@ ComplexArray = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class _Way:
+class _OdometryPath:
     """Way by odometry from the begin of the log on.
 
     Attributes:
@@ -51,7 +51,7 @@ class _Way:
     velocity: ComplexArray
     way: ComplexArray
 
-    def interpolate_way_and_velocity(self, time_s: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    def interpolate_position_and_velocity(self, time_s: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Interpolate way and velocity at times (m,), s."""
         return np.interp(time_s, self.time_s, self.way), np.interp(time_s, self.time_s, self.velocity)
 
@@ -112,7 +112,7 @@ def find_delay_against_odometry(
     )
     if len(windows) < MIN_ODOMETRY_WINDOWS:
         return None
-    way, delay_s = _integrate_way(speed, yaw_rate), 0.0
+    way, delay_s = _integrate_odometry_path(speed, yaw_rate), 0.0
     for _ in range(N_DELAY_ITERATIONS):
         rows = [_residuals_and_delay_derivatives(time_s[w], place[w], way, delay_s) for w in windows]
         residual, push = np.concatenate([r for r, _ in rows]), np.concatenate([p for _, p in rows])
@@ -155,14 +155,14 @@ def latency_from_odometry(evidence: LatencyEvidence, other_sigma_s: float) -> La
     return Latency(status, found_s, sigma_s, bound_s)
 
 
-def _integrate_way(speed: SensorSeries, yaw_rate: SensorSeries) -> _Way:
+def _integrate_odometry_path(speed: SensorSeries, yaw_rate: SensorSeries) -> _OdometryPath:
     """Integrate speed and yaw rate by the trapezoidal rule on the rows of the speed."""
     turn_s, time_s = yaw_rate.time_s - yaw_rate.latency_s, speed.time_s - speed.latency_s
     step = 0.5 * np.diff(turn_s) * (yaw_rate.values[1:, 0] + yaw_rate.values[:-1, 0])
     course = np.interp(time_s, turn_s, np.concatenate(([0.0], np.cumsum(step))))
     velocity = speed.values[:, 0] * np.exp(1j * course)
     way = np.concatenate(([0.0], np.cumsum(0.5 * np.diff(time_s) * (velocity[1:] + velocity[:-1]))))
-    return _Way(time_s, velocity, way)
+    return _OdometryPath(time_s, velocity, way)
 
 
 def _row_slices_of_usable_windows(time_s: FloatArray, *odometry_s: FloatArray) -> list[slice]:
@@ -183,14 +183,14 @@ def _row_slices_of_usable_windows(time_s: FloatArray, *odometry_s: FloatArray) -
 
 
 def _residuals_and_delay_derivatives(
-    time_s: FloatArray, place: ComplexArray, way: _Way, delay_s: float
+    time_s: FloatArray, fix_positions: ComplexArray, path: _OdometryPath, delay_s: float
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return what the fixes (n,) leave of c + A D(t - delay), and what a second of delay adds, both complex (n,).
 
     Both without what another place, rotation or scale of the window would explain.
     """
-    passed, velocity = way.interpolate_way_and_velocity(time_s - delay_s)
-    centred, target = passed - passed.mean(), place - place.mean()
+    passed, velocity = path.interpolate_position_and_velocity(time_s - delay_s)
+    centred, target = passed - passed.mean(), fix_positions - fix_positions.mean()
     power = float((centred.real**2 + centred.imag**2).sum())
     if power <= 0.0:
         return np.zeros_like(target), np.zeros_like(target)

@@ -28,7 +28,7 @@ from cwcli.estimation.latency import (
     MIN_SIGNIFICANT_SIGMAS,
     Latency,
     LatencyStatus,
-    is_reference_of_each_series,
+    is_latency_reference_by_series,
     remove_latency_drift,
 )
 from cwcli.estimation.latency_evidence import LatencyEvidence
@@ -105,7 +105,7 @@ def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None])
     series, parameters = layout.series, layout.parameters
     reference = [
         replace(s, time_s=s.time_s - role.applied_s)
-        for s, role, is_reference in zip(series, predetermined, is_reference_of_each_series(series), strict=True)
+        for s, role, is_reference in zip(series, predetermined, is_latency_reference_by_series(series), strict=True)
         if is_reference and role is not None
     ]
     begin, end = _begin_and_end_of_most_excited_window_s(series, reference)
@@ -238,7 +238,7 @@ class _LatencySearch:
     def _match_noise_to_innovations(self, target: SensorSeries) -> SensorSeries:
         """The target with the noise that its innovations show."""
         for _ in range(MAX_NOISE_MATCHINGS):
-            factor = noise_variance_factor(target, self._filter_target_beside_references(target).nis[0])
+            factor = noise_variance_factor(target, self._filter_target_with_references(target).nis[0])
             target = target.scale_noise_variance(factor)
             if 1.0 / CONVERGED_NOISE_FACTOR < factor < CONVERGED_NOISE_FACTOR:
                 break
@@ -401,10 +401,10 @@ class _LatencySearch:
 
         It is the negative log-likelihood but for a constant; an outlier counts, but no more than as one.
         """
-        nis = self._filter_target_beside_references(target).nis
+        nis = self._filter_target_with_references(target).nis
         return np.concatenate([-row_log_likelihoods(s, nis[i]) for i, s in self._scored_series(target)])
 
-    def _filter_target_beside_references(self, target: SensorSeries) -> PassResult:
+    def _filter_target_with_references(self, target: SensorSeries) -> PassResult:
         return self.trials.run_filter(self._trial_layout_of_target(target))
 
     def _trial_layout_of_target(self, target: SensorSeries) -> StateLayout:

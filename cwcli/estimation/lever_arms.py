@@ -15,7 +15,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import HEADING
 
 
-def set_given_lever_arms(prepared: Sequence[PreparedSeries], lever_arms: LeverArms) -> list[PreparedSeries]:
+def set_lever_arms_of_user(prepared: Sequence[PreparedSeries], lever_arms: LeverArms) -> list[PreparedSeries]:
     """Return the series with the lever arms that the user gave; the others keep theirs."""
     return [
         replace(p, series=replace(p.series, place_m=lever_arms.get(p.series.source, p.series.place_m)))

@@ -58,7 +58,7 @@ WindowFits = dict[Hashable, tuple[StateLayout, WindowFit | None]]
 
 
 def estimate_noise_and_manoeuvres(
-    layout: StateLayout, *, every_row: bool = True, known: WindowFits | None = None
+    layout: StateLayout, *, every_row: bool = True, known_fits: WindowFits | None = None
 ) -> StateLayout:
     """Find the noise of the series that do not state it, and how strongly the car manoeuvres.
 
@@ -69,16 +69,16 @@ def estimate_noise_and_manoeuvres(
         layout: All series, latencies corrected, with the motion model to begin with.
         every_row: Look for errors of the stamps, and end with passes over all rows; else the noise is that of the
             averaged window.
-        known: Fits of the windows of this log so far; that of this layout is taken from them, or put in.
+        known_fits: Fits of the windows of this log so far; that of this layout is taken from them, or put in.
 
     Returns:
         The layout with settled noise and motion model.
     """
-    known = {} if known is None else known
+    known_fits = {} if known_fits is None else known_fits
     key = trial_key(layout)
-    if key not in known:
-        known[key] = layout, _fit_window(layout)
-    found = known[key][1]
+    if key not in known_fits:
+        known_fits[key] = layout, _fit_window(layout)
+    found = known_fits[key][1]
     if found is None:
         return layout
     fit = _fit_with_stamp_errors(found) if every_row and any(found.has_hint) else found.fit
@@ -131,10 +131,10 @@ def _refit_noise_and_motion(trials: FilterTrials, layout: StateLayout, fit: Nois
     return fit
 
 
-def _fit_with_stamp_errors(found: WindowFit) -> NoiseFit:
+def _fit_with_stamp_errors(window_fit: WindowFit) -> NoiseFit:
     """Return the fit of a window with the stamp errors that it shows; the given fit where it shows none."""
-    layout, fit = found.begin, found.fit
-    with_errors = fit_stamp_errors(fit, found.has_hint, layout)
+    layout, fit = window_fit.begin, window_fit.fit
+    with_errors = fit_stamp_errors(fit, window_fit.has_hint, layout)
     if with_errors is fit:
         return fit
     trials = FilterTrials()

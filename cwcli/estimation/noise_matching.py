@@ -19,7 +19,7 @@ MAX_NIS_COUNTED_IN_NOISE = 9.0
 """Greatest squared normalised innovation that is counted: an outlier counts as three sigma."""
 
 
-def noise_variance_factor(s: SensorSeries, nis: FloatArray, so_far: float | None = None) -> float:
+def noise_variance_factor(s: SensorSeries, nis: FloatArray, message_factor: float | None = None) -> float:
     """Return the factor on the noise variance that brings the innovations into agreement (innovation matching).
 
     The equation is mean(min(nu^2 / (h P h' + factor r), 9)) = 1 over all rows, gated ones too: an outlier counts, but
@@ -33,7 +33,7 @@ def noise_variance_factor(s: SensorSeries, nis: FloatArray, so_far: float | None
 
     Args:
         nis: Shape (n, 5): see `PassResult.nis`.
-        so_far: Factor on the noise of the message until now; None: not known, then one call at most halves it.
+        message_factor: Factor on the noise of the message until now; None: not known, then one call at most halves it.
     """
     if len(nis) < MIN_ROWS_FOR_NOISE or s.is_exact or s.stamp_error.status is ParameterStatus.USED:
         return 1.0
@@ -51,5 +51,5 @@ def noise_variance_factor(s: SensorSeries, nis: FloatArray, so_far: float | None
         if s.noise_origin == "message":
             return factor if factor > 1.1 else 1.0
         if s.noise_origin == "message, scaled":
-            return max(factor, 0.5 if so_far is None else 1.0 / so_far)
+            return max(factor, 0.5 if message_factor is None else 1.0 / message_factor)
     return max(factor, s.floor**2 / float(r.mean()))

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.hypotheses.base import Hypothesis
-from cwcli.estimation.hypotheses.imu import IMU_HYPOTHESES, tilt_hypothesis
+from cwcli.estimation.hypotheses.imu import IMU_HYPOTHESES, imu_tilt_hypothesis
 from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
@@ -88,7 +88,7 @@ def find_tilt_and_evidence(values: AccelGyroRows) -> tuple[Hypothesis, str] | No
     if axis is not None and abs(axis[2]) >= MAX_TILTED_SHARE:  # the force leans in the bend, the IMU does not
         return None
     across = float(np.hypot(*force[:2]))
-    return tilt_hypothesis(force), f"gravity reads {across:.1f} m/s^2 across its vertical axis"
+    return imu_tilt_hypothesis(force), f"gravity reads {across:.1f} m/s^2 across its vertical axis"
 
 
 def _imu_hypothesis_by_name(name: str) -> Hypothesis:

@@ -181,14 +181,14 @@ class RowTimeOrder:
     patience: IntArray
 
     @cached_property
-    def place(self) -> npt.NDArray[np.intp]:
+    def time_rank_of_rows(self) -> npt.NDArray[np.intp]:
         """Place in time order of each row, (U,): the inverse of `order`."""
         place = np.empty_like(self.order)
         place[self.order] = np.arange(len(self.order))
         return place
 
     @cached_property
-    def edges(self) -> list[int]:
+    def row_count_before_series(self) -> list[int]:
         """Number of rows in time of all series before each one, and of all (S + 1)."""
         return list(itertools.accumulate(map(np.count_nonzero, self.in_time), initial=0))
 
@@ -273,9 +273,12 @@ class PassInput:
     def split_result_by_series(self, result: ekf.Pass) -> PassResult:
         """Return the result with `nis` and `status` split by series, in the order of their rows."""
         order_of = self.time_order
-        nis, status = result.nis.take(order_of.place, axis=0), result.status.take(order_of.place)
+        nis, status = (
+            result.nis.take(order_of.time_rank_of_rows, axis=0),
+            result.status.take(order_of.time_rank_of_rows),
+        )
         found_nis, found_status = [], []
-        for (i, j), rows in zip(itertools.pairwise(order_of.edges), order_of.in_time, strict=True):
+        for (i, j), rows in zip(itertools.pairwise(order_of.row_count_before_series), order_of.in_time, strict=True):
             if j - i == len(rows):
                 found_nis.append(nis[i:j])
                 found_status.append(status[i:j])
@@ -325,7 +328,7 @@ def build_pass_input(
         place_m=np.array([s.place_m or (0.0, 0.0) for s in series], np.float64).reshape(-1, 2),
         gate_nis=np.array([s.gate_nis for s in series], np.float64),
         patience=order_of.patience,
-        sender=_sender_number_of_each_series(series),
+        sender=_sender_number_by_series(series),
     )
     again = _place_restarts_in_time_order(series, start_s, order_of, restarts) if restarts else None
     values = values.take(order_of.order, axis=0)  # copies whole rows, which indexing does element by element
@@ -338,7 +341,7 @@ def _noise_in_time_order(series: Sequence[SensorSeries], order_of: RowTimeOrder)
     return np.concatenate([np.zeros((0, 3)), *noise]).take(order_of.order, axis=0)
 
 
-def _sender_number_of_each_series(series: Sequence[SensorSeries]) -> IntArray:
+def _sender_number_by_series(series: Sequence[SensorSeries]) -> IntArray:
     """Return the number of the sender of each series, (S,), whose messages hold position, speed and heading; -1: none.
 
     A message is known by its time, so all three must have the same latency.

@@ -281,7 +281,7 @@ def _build_series_with_noise(
             determinant = noise[:, 0] * noise[:, 2] - noise[:, 1] ** 2
             said = (noise[:, 0] > 0) & (noise[:, 2] > 0) & (determinant > 0) & np.isfinite(noise).all(axis=1)
         else:
-            said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0]) & ~_is_sigma_beyond_limit(kind, noise[:, 0])
+            said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0]) & ~_stated_sigma_beyond_limit_mask(kind, noise[:, 0])
     guess = (_initial_noise_sigma(kind, time_s, values) if looks_ahead else QUANTITIES[kind].default_sigma) ** 2
     noise[~said] = (guess, 0.0, guess)
     if width == 1:
@@ -305,11 +305,11 @@ def _accel_and_yaw_rate_series_with_notes(source: str, imu: LevelledImu) -> Iter
         series = _build_series_with_noise(source, kind, imu.time_s, value[:, None], variance[:, None, None])
         if kind is Kind.ACCEL and len(series):
             series = replace(series, pitch_rate=PitchRateSeries(imu.time_s, imu.pitch_rate_radps))
-        beyond = variance[_is_sigma_beyond_limit(kind, variance)]
+        beyond = variance[_stated_sigma_beyond_limit_mask(kind, variance)]
         yield series, [_note_on_sigma_beyond_limit(source, kind, beyond)] if len(beyond) else []
 
 
-def _is_sigma_beyond_limit(kind: Kind, variance: FloatArray) -> npt.NDArray[np.bool_]:
+def _stated_sigma_beyond_limit_mask(kind: Kind, variance: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether a message states more noise of a rate than such a sensor has, as where the field is filled with ones."""
     if kind not in RATE_KINDS:  # a fix may be that bad, and then its row counts little
         return np.zeros(len(variance), np.bool_)

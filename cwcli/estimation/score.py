@@ -37,17 +37,17 @@ def row_log_likelihoods(s: SensorSeries, nis: FloatArray) -> FloatArray:
     return np.asarray(-0.5 * (np.minimum(nis[:, 0], limit) + np.log(nis[:, 3])))
 
 
-def is_prediction_clearly_better(gain: FloatArray, min_gain: float) -> bool:
+def is_prediction_clearly_better(gains: FloatArray, min_gain: float) -> bool:
     """Whether rows are predicted better by more than `min_gain` in both halves, and in the whole by three sigma more.
 
     The sigma is that of the scatter between rows, because with errors that last a few rows may prefer a wrong model by
     chance. A real gain shows in both halves.
 
     Args:
-        gain: Shape (n,): gain of each row of one source in `row_log_likelihoods`; NaN is ignored.
+        gains: Shape (n,): gain of each row of one source in `row_log_likelihoods`; NaN is ignored.
         min_gain: Least gain of each half.
     """
-    gain = gain[np.isfinite(gain)]
-    if not len(gain) or min(float(half.sum()) for half in np.array_split(gain, 2)) <= min_gain:
+    gains = gains[np.isfinite(gains)]
+    if not len(gains) or min(float(half.sum()) for half in np.array_split(gains, 2)) <= min_gain:
         return False
-    return float(gain.sum()) > min_gain + MIN_LIKELIHOOD_GAIN_SIGMAS * float(gain.std()) * math.sqrt(len(gain))
+    return float(gains.sum()) > min_gain + MIN_LIKELIHOOD_GAIN_SIGMAS * float(gains.std()) * math.sqrt(len(gains))

@@ -32,7 +32,7 @@ from cwcli.estimation.sensor_model import (
     add_sensor_error_states,
     find_pitch_rate,
 )
-from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.start import find_full_filter_start
 from cwcli.estimation.tolerances import MIN_LOG_SPAN_FOR_SLOW_ERRORS_S
 from cwcli.estimation.trial import (
     CONVERGED_NOISE_FACTOR,
@@ -134,7 +134,7 @@ def find_sensor_errors(
     if whole.pitch_compensated:
         still = trials.run_model_trial(replace(trial.model, pitch_compensated=frozenset()), trial)
         trial = max(trial, still, key=lambda t: t.score)
-    found = _drop_useless_errors(trials, trial)
+    found = _drop_useless_modelled_errors(trials, trial)
     known = {} if previous is None else previous.status
     return found.mark_forward_arms_unobservable(
         [i for i, name in known if name == "ahead" and (i, name) not in found.status]
@@ -148,7 +148,7 @@ def may_show_sensor_errors(series: Sequence[SensorSeries]) -> bool:
 
 
 def _model_with_all_possible_errors(
-    series: Sequence[SensorSeries], known: SensorModel, slack_m: Sequence[float]
+    series: Sequence[SensorSeries], known_model: SensorModel, slack_m: Sequence[float]
 ) -> SensorModel:
     """Return a model with all errors that the sources can have; slow errors begin at the known ones."""
     slow: dict[int, GaussMarkovError] = {}
@@ -170,11 +170,11 @@ def _model_with_all_possible_errors(
         if may_stand and s.kind in (Kind.POSITION, Kind.VELOCITY, Kind.ACCEL):
             ahead.add(i)
         if s.kind is Kind.ACCEL and s.bias_state >= 0 and has_ground:
-            slow[i] = known.slow.get(i, INITIAL_GRADE_ERROR)
+            slow[i] = known_model.slow.get(i, INITIAL_GRADE_ERROR)
             if has_pitch:
                 follows.add(i)
         elif s.kind is Kind.POSITION and has_motion:
-            slow[i] = known.slow.get(
+            slow[i] = known_model.slow.get(
                 i,
                 GaussMarkovError(
                     max(_root_mean_square_noise_sigma(s), QUANTITIES[s.kind].floor_sigma),
@@ -265,21 +265,21 @@ class _SensorModelTrials:
         ]
         self.base = replace(self.base, series=trials)
 
-    def run_model_trial(self, model: SensorModel, near: _SensorModelTrial | None = None) -> _SensorModelTrial:
+    def run_model_trial(self, model: SensorModel, similar: _SensorModelTrial | None = None) -> _SensorModelTrial:
         """Run the filter until the noise agrees with the innovations; a trial that was made before is returned.
 
         Args:
-            near: A trial whose noise is a good first guess.
+            similar: A trial whose noise is a good first guess.
         """
-        key = model.lookup_key, None if near is None else near.factors
+        key = model.lookup_key, None if similar is None else similar.factors
         if key not in self._scored:
-            self._scored[key] = self._run_until_noise_settles(model, near)
+            self._scored[key] = self._run_until_noise_settles(model, similar)
         return self._scored[key]
 
-    def _run_until_noise_settles(self, model: SensorModel, near: _SensorModelTrial | None) -> _SensorModelTrial:
+    def _run_until_noise_settles(self, model: SensorModel, similar: _SensorModelTrial | None) -> _SensorModelTrial:
         layout = add_sensor_error_states(self.base, model)
         series = layout.series
-        factors = np.ones(len(series)) if near is None else np.array(near.factors)
+        factors = np.ones(len(series)) if similar is None else np.array(similar.factors)
         for _ in range(MAX_NOISE_MATCHINGS):
             scaled = [s.scale_noise_variance(float(f)) for s, f in zip(series, factors, strict=True)]
             result = self._trials.run_filter(replace(layout, series=scaled))
@@ -339,12 +339,12 @@ class _SensorModelTrials:
         )
 
 
-def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: StateLayout) -> FoundSensorModel:
+def keep_sensor_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: StateLayout) -> FoundSensorModel:
     """Keep the found model if it predicts the whole log, with outliers, better than none; else return an empty one."""
     scores = []
     for layout in (plain, modelled):
         series = [with_outlier_gate(average_rows_to_rate(s, SEARCH_AVERAGING_HZ)) for s in layout.series]
-        start = find_start_with_parameter_states(series, layout.prior, causal=False)
+        start = find_full_filter_start(series, layout.prior, causal=False)
         motion = replace(layout.parameters, side_slip_m=SEARCH_POSITION_NOISE_M_PER_ROOT_S).to_process_model(
             layout.walk
         )
@@ -362,7 +362,7 @@ def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: 
     return FoundSensorModel(SensorModel(), status, beyond=found.beyond)
 
 
-def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -> FoundSensorModel:
+def _drop_useless_modelled_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -> FoundSensorModel:
     """Drop errors without which the log is predicted as well, one after the other, the least useful first."""
     status = {part: _observability_of_error(trial, part) for part in trial.model.modelled_errors}
     for part, verdict in status.items():
@@ -409,9 +409,9 @@ def _drop_errors_beyond_limits_and_list_them(
     return trial, beyond
 
 
-def _reported_value_or_sigma_of_error(trial: _SensorModelTrial, part: SeriesIndexAndErrorName) -> float:
+def _reported_value_or_sigma_of_error(trial: _SensorModelTrial, error: SeriesIndexAndErrorName) -> float:
     """Of a slow error its sigma, of another its value, as they are reported."""
-    i, name = part
+    i, name = error
     if name == "slow":
         return trial.model.slow[i].sigma
     s = trial.layout.series[i]
@@ -419,9 +419,9 @@ def _reported_value_or_sigma_of_error(trial: _SensorModelTrial, part: SeriesInde
     return float(trial.state[state]) + (name == "scale") if state >= 0 else float("nan")
 
 
-def _observability_of_error(trial: _SensorModelTrial, part: SeriesIndexAndErrorName) -> ParameterStatus:
+def _observability_of_error(trial: _SensorModelTrial, error: SeriesIndexAndErrorName) -> ParameterStatus:
     """Return whether the log narrowed the prior of an error's parameter: USED or NOT_OBSERVABLE."""
-    i, name = part
+    i, name = error
     s = trial.layout.series[i]
     state = {"scale": s.scale_state, "lever": s.lever_state, "ahead": s.ahead_state}.get(name, -1)
     if name == "slow":
@@ -446,14 +446,14 @@ def _series_with_unclear_forward_arm(ahead_m: Mapping[int, tuple[float, float]],
 
 
 def series_whose_forward_arm_may_be_latency(
-    found: FoundSensorModel, series: Sequence[SensorSeries], remaining_latency_sigma_s: Sequence[float]
+    found_model: FoundSensorModel, series: Sequence[SensorSeries], remaining_latency_sigma_s: Sequence[float]
 ) -> list[int]:
     """Return the series whose lever arm ahead may as well be a latency.
 
     `remaining_latency_sigma_s` is that of `find_sensor_errors`.
     """
     return _series_with_unclear_forward_arm(
-        {i: at for i, at in found.ahead_m.items() if i in found.model.ahead},
+        {i: at for i, at in found_model.ahead_m.items() if i in found_model.model.ahead},
         _forward_arm_sigma_from_latency_m(series, remaining_latency_sigma_s),
     )
 

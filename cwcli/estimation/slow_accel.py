@@ -30,7 +30,7 @@ MIN_SHARE_OF_POWER_WITHOUT_LINE = 1e-12
 """Least share of the integral's sum of squares that a line leaves; below it is rounding. Chosen by hand."""
 
 
-def time_constant_of_missing_slow_part_s(accel: StepMotion, fixes: StepMotion, step_s: float) -> float:
+def high_pass_time_constant_of_accelerometer_s(accel: StepMotion, fixes: StepMotion, step_s: float) -> float:
     """Return the time constant of the high-pass filter behind an accelerometer; NaN where none shows.
 
     Args:
@@ -46,7 +46,7 @@ def time_constant_of_missing_slow_part_s(accel: StepMotion, fixes: StepMotion, s
         steps = np.flatnonzero(rows)
         if len(steps) < MIN_STEPS_FOR_SLOW_PART:
             return math.nan
-        free_way, missing = (_without_line(values[steps], steps) for values in (way, true - own))
+        free_way, missing = (_subtract_fitted_line(values[steps], steps) for values in (way, true - own))
         power = float(free_way @ free_way)
         if not power > MIN_SHARE_OF_POWER_WITHOUT_LINE * float(way[steps] @ way[steps]):
             return math.nan
@@ -59,7 +59,7 @@ def time_constant_of_missing_slow_part_s(accel: StepMotion, fixes: StepMotion, s
     return 1.0 / slope if is_clear else math.nan
 
 
-def _without_line(values: FloatArray, steps: npt.NDArray[np.intp]) -> FloatArray:
+def _subtract_fitted_line(values: FloatArray, steps: npt.NDArray[np.intp]) -> FloatArray:
     """Return values (n,) at steps (n,) less the line that fits them best: the bias of a sensor, and its drift."""
     centred_steps = steps - steps.mean()
     centred = values - values.mean()

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
-from cwcli.estimation.limit_check import quantity_compared_with
+from cwcli.estimation.limit_check import reference_quantity_of_comparison
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.result import SourceReport
@@ -70,20 +70,20 @@ def slow_changes_along_to_across_or_nan(s: SensorSeries, time_s: FloatArray, sta
 
 
 def find_contradictions_of_drifting_fixes(
-    reports: Sequence[SourceReport], known: Sequence[Contradiction]
+    reports: Sequence[SourceReport], known_contradictions: Sequence[Contradiction]
 ) -> list[Contradiction]:
     """Return contradictions of the positions that drift off the way by the other sources."""
-    contradicted = {quantity for each in known for quantity in (each.who, each.against)}
+    contradicted = {quantity for each in known_contradictions for quantity in (each.who, each.against)}
     found = []
     for report in _iter_reports_of_drifting_fixes(reports):
         who = SourceQuantity(report.source, report.kind)
         if who not in contradicted:
             what = f"its fixes drift up to {report.slow_error.largest:.0f} m off the way that the other sources show"
-            found.append(Contradiction(who, quantity_compared_with(report, reports), what))
+            found.append(Contradiction(who, reference_quantity_of_comparison(report, reports), what))
     return found
 
 
-def covariance_from_drifts(reports: Sequence[SourceReport]) -> StateCovariance:
+def covariance_from_fix_drifts(reports: Sequence[SourceReport]) -> StateCovariance:
     """Return the covariance (8, 8) that drifting fixes add to all states: the mean square of a wave of that height.
 
     It is 0 where another position does not drift.

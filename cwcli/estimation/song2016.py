@@ -23,7 +23,7 @@ from cwcli.estimation.prepare import (
     seconds_since_zero_time,
 )
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt, correct_and_list_what_user_says
+from cwcli.estimation.source_judgement import correct_and_list_imu_units_and_tilt, correct_and_list_user_faults
 from cwcli.estimation.start import (
     UNKNOWN_STATE_SIGMAS,
     find_filter_start,
@@ -99,7 +99,7 @@ def estimate_track_with_song2016(
     does not do.
     """
     zero_ns = earliest_stamp_ns(measurements)
-    measurements, corrections = correct_and_list_what_user_says(measurements, config.source_units)
+    measurements, corrections = correct_and_list_user_faults(measurements, config.source_units)
     if not config.blind:
         measurements, found = correct_and_list_imu_units_and_tilt(
             measurements, {*config.trusted_sources, *config.source_units}

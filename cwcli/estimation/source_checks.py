@@ -21,7 +21,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
-from cwcli.estimation.slow_accel import time_constant_of_missing_slow_part_s
+from cwcli.estimation.slow_accel import high_pass_time_constant_of_accelerometer_s
 from cwcli.estimation.step_evidence import FIX_KINDS, MIN_COURSE_SPEED_MPS
 from cwcli.estimation.step_motion import (
     MIN_FIX_DISTANCE_FOR_COURSE_M,
@@ -86,9 +86,9 @@ CHECKS_THAT_ONLY_CONTRADICT = (SourceComparisonCheck.YAW_RATE_BIAS, SourceCompar
 """Comparisons that can only contradict: agreement without motion does not show that units and signs agree."""
 
 
-def student_99_quantile(n: int) -> float:
+def student_99_half_width(n_values: int) -> float:
     """Return half the width of the 99 % interval in sigma of the mean of n values, four or more."""
-    return STUDENT_99_QUANTILE_BY_N_VALUES[max(size for size in STUDENT_99_QUANTILE_BY_N_VALUES if size <= n)]
+    return STUDENT_99_QUANTILE_BY_N_VALUES[max(size for size in STUDENT_99_QUANTILE_BY_N_VALUES if size <= n_values)]
 
 
 class Judgement(StrEnum):
@@ -164,7 +164,7 @@ class MedianInterval:
             * MEDIAN_TO_MEAN_SIGMA_RATIO
             * median_of_finite_values(np.abs(values - middle))
         )
-        half = student_99_quantile(n) * spread / math.sqrt(n)
+        half = student_99_half_width(n) * spread / math.sqrt(n)
         return cls(middle, middle - half, middle + half, n)
 
     def judge_against_range(self, limit: ParameterRange) -> Judgement:
@@ -235,13 +235,13 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
         one, other = (SourceQuantity(usable[k].source, usable[k].kind) for k in (i, j))
         for check, measure in _COMPARE_FUNCTIONS.items():
             measured = [measure(motions[i], motions[j], step_s) for step_s, motions in by_length]
-            judgement, number = judgement_and_number_of_all_step_lengths(measured)
+            judgement, number = joint_judgement_and_number_of_step_lengths(measured)
             if check is SourceComparisonCheck.TURN and judgement is Judgement.UNKNOWN:
                 judgement, number = _judgement_and_ratio_of_regressed_turns(
                     [(motions[i], motions[j]) for _, motions in by_length]
                 )
             if check is SourceComparisonCheck.SPEED_CHANGE and judgement is Judgement.UNKNOWN:
-                found += _list_missing_slow_part(one, other, [(motions[i], motions[j], s) for s, motions in by_length])
+                found += _slow_part_contradiction(one, other, [(motions[i], motions[j], s) for s, motions in by_length])
             if judgement is Judgement.UNKNOWN or (
                 check in CHECKS_THAT_ONLY_CONTRADICT and judgement is Judgement.AGREE
             ):
@@ -255,7 +255,7 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
     return found
 
 
-def _list_missing_slow_part(
+def _slow_part_contradiction(
     one: SourceQuantity, other: SourceQuantity, pairs: Sequence[tuple[StepMotion, StepMotion, float]]
 ) -> list[SourceComparison]:
     """Return a contradiction of an accelerometer without its slow part and the fixes, or nothing; see `slow_accel`.
@@ -268,20 +268,20 @@ def _list_missing_slow_part(
         return []
     for first, second, step_s in reversed(pairs):
         accel, fixes = (first, second) if first.kind is Kind.ACCEL else (second, first)
-        time_constant_s = time_constant_of_missing_slow_part_s(accel, fixes, step_s)
+        time_constant_s = high_pass_time_constant_of_accelerometer_s(accel, fixes, step_s)
         if math.isfinite(time_constant_s):
             check = SourceComparisonCheck.SLOW_ACCEL
             return [SourceComparison(check, one, other, Judgement.CONTRADICT, time_constant_s)]
     return []
 
 
-def judgement_and_number_of_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgement, float]:
+def joint_judgement_and_number_of_step_lengths(comparisons: Sequence[StepComparison]) -> tuple[Judgement, float]:
     """Judge steps of all lengths together; returns the judgement and the most precise number.
 
     They contradict where one length does, every other length shows an impossible number too, and there are enough steps
     in total. They agree where one length does and none contradicts.
     """
-    known = [each for each in measured if not math.isnan(each.number)]
+    known = [each for each in comparisons if not math.isnan(each.number)]
     if not known:
         return Judgement.UNKNOWN, math.nan
     contrary = [each for each in known if each.judgement is Judgement.CONTRADICT]
@@ -300,7 +300,7 @@ def _judgement_and_ratio_of_regressed_turns(pairs: Sequence[tuple[StepMotion, St
     """
     ratios = [regressed_turn_ratio(*pair) for pair in pairs[1:]]  # not of those in steps of 1 s
     intervals = [MedianInterval(ratio.value, ratio.low, ratio.high, ratio.n) for ratio in ratios]
-    return judgement_and_number_of_all_step_lengths(
+    return joint_judgement_and_number_of_step_lengths(
         [StepComparison.from_median_interval(interval, AGREEING_HEADING_CHANGE_RATIO_RANGE) for interval in intervals]
     )
 
@@ -333,30 +333,30 @@ def reverse_fix_courses_while_reversing(motions: Sequence[StepMotion]) -> list[S
 def _compare_median_ratio_with_range(
     numerators: FloatArray,
     denominators: FloatArray,
-    min_other: FloatArray | float,
-    max_other: float,
+    min_divisor: FloatArray | float,
+    max_divisor: float,
     limit: ParameterRange,
 ) -> StepComparison:
     """Compare the median ratio with a range, over steps in which the denominator clearly differs from zero."""
     with np.errstate(invalid="ignore"):
-        rows = (np.abs(denominators) > min_other) & (np.abs(denominators) < max_other) & np.isfinite(numerators)
+        rows = (np.abs(denominators) > min_divisor) & (np.abs(denominators) < max_divisor) & np.isfinite(numerators)
     return StepComparison.from_median_interval(MedianInterval.from_values(numerators[rows] / denominators[rows]), limit)
 
 
 def _compare_median_ratio_both_ways(
     numerators: FloatArray,
     denominators: FloatArray,
-    least: Sequence[FloatArray | float],
-    most: float,
+    min_changes: Sequence[FloatArray | float],
+    max_change: float,
     limit: ParameterRange,
 ) -> StepComparison:
     """Compare the ratio with a range, over steps in which the denominator moves and those in which the numerator does.
 
     A sensor that never reacts shows only in steps that are chosen by the other one.
     """
-    forth = _compare_median_ratio_with_range(numerators, denominators, least[1], most, limit)
+    forth = _compare_median_ratio_with_range(numerators, denominators, min_changes[1], max_change, limit)
     back = _compare_median_ratio_with_range(
-        denominators, numerators, least[0], most, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", "")
+        denominators, numerators, min_changes[0], max_change, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", "")
     )
     if math.isnan(back.number) or forth.judgement is back.judgement:
         return forth

@@ -104,7 +104,7 @@ def align_source_clocks_and_note(
     clocks = {
         source: clock
         for source in dict.fromkeys(m.source for m in measurements)
-        if (clock := _clock_of_source_or_none([m for m in measurements if m.source == source])) is not None
+        if (clock := _delays_of_source_or_none([m for m in measurements if m.source == source])) is not None
     }
     shifts_s: dict[str, list[tuple[int, float]]] = {}
     notes = [*wrong_units, *coarse]
@@ -247,9 +247,9 @@ def notes_on_hidden_clock_steps(measurements: Sequence[Measurements], sources: S
     ]
 
 
-def _clock_of_source_or_none(own: Sequence[Measurements]) -> SourceClock | None:
+def _delays_of_source_or_none(source_measurements: Sequence[Measurements]) -> SourceClock | None:
     """Return the delays of a source by the quantity with the most rows; None with too few rows."""
-    m = max(own, key=len)
+    m = max(source_measurements, key=len)
     if len(m) < 2 * MIN_ROWS_BESIDE_CLOCK_STEP:
         return None
     order = np.argsort(m.received_ns, kind="stable")
@@ -366,16 +366,14 @@ def _offset_from_other_clocks_s(
     may_be_behind = is_whole and apart_s > 0.0
     is_other_clock = is_ahead or apart_s > MAX_TRANSMISSION_DELAY_S
     same_clock = [name for name, each_s in delays_s.items() if abs(each_s - delay_s) < MIN_CLOCK_STEP_S]
-    if is_other_clock or (may_be_behind and is_motion_likelier_when_shifted(measurements, same_clock, shift_s)):
+    if is_other_clock or (may_be_behind and is_log_likelier_when_shifted(measurements, same_clock, shift_s)):
         why = "corrected by the log times" if is_other_clock else "corrected, because the motion then fits"
         notes.append(f"{source}: its clock is {-shift_s:+.2f} s off those of the other sources, {why}")
         return shift_s
     return 0.0
 
 
-def is_motion_likelier_when_shifted(
-    measurements: Sequence[Measurements], sources: Sequence[str], shift_s: float
-) -> bool:
+def is_log_likelier_when_shifted(measurements: Sequence[Measurements], sources: Sequence[str], shift_s: float) -> bool:
     """Return whether the filter predicts all sources clearly better when the stamps of some move by `shift_s`."""
     shifted = [
         _shift_stamps_of_measurements(m, [(EARLIEST_LOG_TIME_NS, shift_s)]) if m.source in sources else m

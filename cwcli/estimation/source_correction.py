@@ -17,7 +17,7 @@ from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE, Judgemen
 from cwcli.estimation.source_hypotheses import (
     MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
     Finding,
-    find_hypothesis,
+    find_fault,
     sources_agreeing_after_correction,
 )
 from cwcli.estimation.source_vote import (
@@ -51,7 +51,7 @@ class CorrectionAttempt:
     unused: tuple[SourceQuantity, ...] = ()
 
 
-def correct_one_source(
+def correct_one_contradicted_source(
     measurements: Sequence[Measurements],
     prepared: Sequence[PreparedSeries],
     comparisons: Sequence[SourceComparison],
@@ -84,7 +84,7 @@ def correct_one_source(
         for i, s in enumerate(level)
         if SourceQuantity(s.source, s.kind) in suspects
         and not (s.kind in RATE_KINDS and s.source in imus)
-        and (found := find_hypothesis(level, i)) is not None
+        and (found := find_fault(level, i)) is not None
     ]
     attempts = [
         (found.gain, found.who, _correct_measurements_by_finding(measurements, found, prepare)) for found in findings
@@ -108,15 +108,15 @@ def correct_one_source(
                 for i, s in enumerate(level)
                 if s.kind not in (Kind.POSITION, *RATE_KINDS)
                 and _do_sources_contradict_each_other(contrary, who, SourceQuantity(s.source, s.kind))
-                and (found := find_hypothesis(level, i, may_be_ambiguous=True)) is not None
+                and (found := find_fault(level, i, may_be_ambiguous=True)) is not None
             )
         if all(gain - other_gain >= MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT for other_gain in rivals):
             return attempt
     return None
 
 
-def _is_imu_quantity(who: SourceQuantity) -> bool:
-    return who.kind in (*RATE_KINDS, Kind.IMU)
+def _is_imu_quantity(quantity: SourceQuantity) -> bool:
+    return quantity.kind in (*RATE_KINDS, Kind.IMU)
 
 
 def _do_sources_contradict_each_other(
@@ -135,16 +135,16 @@ def _do_sources_contradict_each_other(
 
 
 def _correct_measurements_by_finding(
-    measurements: Sequence[Measurements], found: Finding, prepare: Prepare
+    measurements: Sequence[Measurements], finding: Finding, prepare: Prepare
 ) -> CorrectionAttempt:
     """Return the measurements with a finding applied."""
     corrected = [
-        found.hypothesis.correct_measurements(m) if SourceQuantity(m.source, m.kind) == found.who else m
+        finding.hypothesis.correct_measurements(m) if SourceQuantity(m.source, m.kind) == finding.who else m
         for m in measurements
     ]
-    own = next(m for m in measurements if SourceQuantity(m.source, m.kind) == found.who)
+    own = next(m for m in measurements if SourceQuantity(m.source, m.kind) == finding.who)
     return CorrectionAttempt(
-        corrected, *prepare(corrected), correction_of_all_rows(own, found.hypothesis, found.evidence_text)
+        corrected, *prepare(corrected), correction_of_all_rows(own, finding.hypothesis, finding.evidence_text)
     )
 
 

@@ -28,7 +28,7 @@ from cwcli.estimation.source_checks import (
     compare_all_source_pairs,
     reverse_fix_courses_while_reversing,
 )
-from cwcli.estimation.step_evidence import StepResiduals, log_likelihood_gains, pair_residuals
+from cwcli.estimation.step_evidence import StepResiduals, log_likelihood_gains_of_candidates, step_residuals_of_pair
 from cwcli.estimation.step_motion import StepMotion, compute_step_motion_by_source, step_edges_s
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
@@ -95,16 +95,16 @@ def step_motions_and_edges_for_evidence(series: Sequence[SensorSeries]) -> tuple
         step_s *= 2.0
 
 
-def find_hypothesis(series: Sequence[SensorSeries], suspect: int, *, may_be_ambiguous: bool = False) -> Finding | None:
+def find_fault(series: Sequence[SensorSeries], suspect_index: int, *, may_be_ambiguous: bool = False) -> Finding | None:
     """Return the hypothesis that clearly wins for one series, or None.
 
     Args:
         series: Series with rows, positions first; none of an IMU that is suspected.
-        suspect: Index of the suspect.
+        suspect_index: Index of the suspect.
         may_be_ambiguous: Whether another hypothesis on the same source may explain it as well: on a straight road a
             heading may count from south, or clockwise from north.
     """
-    own = series[suspect]
+    own = series[suspect_index]
     who = SourceQuantity(own.source, own.kind)
     hypotheses = with_pairwise_combinations(HYPOTHESES.get(own.kind, ()))
     if not hypotheses:
@@ -112,13 +112,13 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int, *, may_be_ambi
     motions, edges_s = step_motions_and_edges_for_evidence(series)
     if not motions:
         return None
-    others = [m for i, m in enumerate(motions) if i != suspect]
+    others = [m for i, m in enumerate(motions) if i != suspect_index]
 
     def step_residuals_against_others(s: SensorSeries) -> list[StepResiduals]:
         motion = compute_step_motion_by_source(s, edges_s)
-        return [each for other in others for each in pair_residuals(motion, other)]
+        return [each for other in others for each in step_residuals_of_pair(motion, other)]
 
-    gains = log_likelihood_gains(
+    gains = log_likelihood_gains_of_candidates(
         step_residuals_against_others(own), [step_residuals_against_others(h.correct_series(own)) for h in hypotheses]
     )
     ranked = sorted(
@@ -130,7 +130,7 @@ def find_hypothesis(series: Sequence[SensorSeries], suspect: int, *, may_be_ambi
     is_ambiguous = len(ranked) > 1 and gain - ranked[1][1] < MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT
     if gain < MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS or (is_ambiguous and not may_be_ambiguous):
         return None
-    corrected = [*series[:suspect], best.correct_series(own), *series[suspect + 1 :]]
+    corrected = [*series[:suspect_index], best.correct_series(own), *series[suspect_index + 1 :]]
     judges = sources_agreeing_after_correction(compare_all_source_pairs(corrected), who)
     return Finding(who, best, gain, judges) if judges else None
 

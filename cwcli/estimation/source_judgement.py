@@ -14,6 +14,7 @@ import numpy as np
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
+from cwcli.estimation.distance_ratio import correct_and_list_scaled_speeds
 from cwcli.estimation.hypotheses import HYPOTHESES
 from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
 from cwcli.estimation.imu_yaw import find_imu_yaw_hypothesis_and_evidence
@@ -24,17 +25,16 @@ from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
 from cwcli.estimation.source_correction import (
     CorrectionAttempt,
     Prepare,
-    correct_one_source,
+    correct_one_contradicted_source,
     gain_and_attempt_of_imu_correction,
 )
 from cwcli.estimation.source_vote import (
+    emptied_series,
     find_unchecked_quantities,
     leave_out_outvoted_sources,
     quantity_of_series,
-    without_any_rows,
 )
 from cwcli.estimation.standstill_heading import has_heading_jumps
-from cwcli.estimation.way_ratio import correct_and_list_scaled_speeds
 from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
 from cwcli.lazy_dataclass import dataclass, replace
 
@@ -88,7 +88,7 @@ def judge_sources(
         unused.update(attempt.unused)
         current, notes = attempt.measurements, attempt.notes
         prepared = [
-            replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p
+            replace(p, series=emptied_series(p.series)) if quantity_of_series(p) in unused else p
             for p in attempt.prepared
         ]
 
@@ -111,7 +111,7 @@ def judge_sources(
         voted = leave_out_outvoted_sources(prepared, trusted)
         if not voted.contradictions and not _does_any_heading_jump(prepared):
             break
-        attempt = correct_one_source(current, prepared, voted.comparisons, prepare, trusted)
+        attempt = correct_one_contradicted_source(current, prepared, voted.comparisons, prepare, trusted)
         if attempt is None:
             break
         apply_correction_attempt(attempt)
@@ -121,7 +121,7 @@ def judge_sources(
         corrections += [*turned_imus, *scaled]
         prepared, notes = prepare(current)
         voted = leave_out_outvoted_sources(
-            [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in unused else p for p in prepared],
+            [replace(p, series=emptied_series(p.series)) if quantity_of_series(p) in unused else p for p in prepared],
             trusted,
         )
     unchecked = find_unchecked_quantities(voted.prepared, voted.comparisons)
@@ -134,7 +134,7 @@ def _does_any_heading_jump(prepared: Sequence[PreparedSeries]) -> bool:
     )
 
 
-def correct_and_list_what_user_says(
+def correct_and_list_user_faults(
     measurements: Sequence[Measurements], units: SourceUnits
 ) -> tuple[list[Measurements], list[Correction]]:
     """Return the measurements with what the user says of them corrected.

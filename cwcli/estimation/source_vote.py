@@ -68,7 +68,7 @@ def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries], trusted: Coll
     voted = find_contradicting_sources(compared, trusted)
     out = {SourceQuantity(each.who.source, kind) for each in tilted if each.left_out for kind in RATE_KINDS}
     out |= {quantity for each in voted for quantity in each.left_out}
-    remaining = [replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in out else p for p in prepared]
+    remaining = [replace(p, series=emptied_series(p.series)) if quantity_of_series(p) in out else p for p in prepared]
     return SourceVoteResult(remaining, (*find_impossible_fixes(prepared), *tilted, *voted), tuple(compared))
 
 
@@ -148,7 +148,7 @@ def _contradiction_and_votes_against(
     return replace(main.to_contradiction(who), allies=allies), votes
 
 
-def without_any_rows(s: SensorSeries) -> SensorSeries:
+def emptied_series(s: SensorSeries) -> SensorSeries:
     """Return the series without its rows: it stays in the tables but is not used."""
     return s.select_rows(np.zeros(len(s), np.bool_))
 
@@ -170,7 +170,7 @@ def _votes_against_minus_votes_for(comparisons: Sequence[SourceComparison], who:
 def _sources_agreeing_against(
     comparisons: Sequence[SourceComparison],
     who: SourceQuantity,
-    against: SourceQuantity,
+    contradicted: SourceQuantity,
     contrary: Sequence[SourceComparison],
 ) -> tuple[SourceQuantity, ...]:
     """Return sources of other topics that contradict `who` and agree with the source that it contradicts."""
@@ -178,9 +178,9 @@ def _sources_agreeing_against(
     return tuple(
         each
         for each in accusers
-        if each.source not in (who.source, against.source)
+        if each.source not in (who.source, contradicted.source)
         and any(
-            c.involves_source(each) and c.involves_source(against) and c.judgement is Judgement.AGREE
+            c.involves_source(each) and c.involves_source(contradicted) and c.judgement is Judgement.AGREE
             for c in comparisons
         )
     )

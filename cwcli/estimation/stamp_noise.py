@@ -30,7 +30,7 @@ from cwcli.estimation.score import (
 )
 from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
 from cwcli.estimation.sensor_model import StateLayout
-from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.start import find_full_filter_start
 from cwcli.estimation.trial import FilterTrials, with_outlier_gate
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
@@ -104,7 +104,7 @@ def fit_stamp_errors(fit: NoiseFit, has_hint: Sequence[bool], layout: StateLayou
         has_hint: For each series, see `may_have_stamp_errors`.
         layout: The layout at which the fit began.
     """
-    trials = FilterTrials(find_start_with_parameter_states(fit.series, layout.prior, causal=False))
+    trials = FilterTrials(find_full_filter_start(fit.series, layout.prior, causal=False))
     for i in np.flatnonzero(has_hint).tolist():
         fit = _StampErrorSearch(fit, i, layout, trials).search_best_fit()
     return fit

@@ -264,16 +264,16 @@ def _turned_angle_and_sigma_rad(series: Sequence[SensorSeries], begin_s: float, 
     return 0.0, max(0.3, UNMEASURED_TURN_SIGMA_RADPS * span)
 
 
-def find_start_with_parameter_states(series: Sequence[SensorSeries], prior: FloatArray, *, causal: bool) -> FilterStart:
+def find_full_filter_start(series: Sequence[SensorSeries], prior_variances: FloatArray, *, causal: bool) -> FilterStart:
     """Return `find_filter_start` with the prior variances of the parameter states put in.
 
     Args:
         series, causal: See `find_filter_start`.
-        prior: Shape (n,): variances; the first eight are not used.
+        prior_variances: Shape (n,): variances; the first eight are not used.
     """
-    start = find_filter_start(series, len(prior), causal=causal)
-    index = np.arange(N_MOTION_STATES, len(prior))
-    start.covariance[index, index] = prior[index]
+    start = find_filter_start(series, len(prior_variances), causal=causal)
+    index = np.arange(N_MOTION_STATES, len(prior_variances))
+    start.covariance[index, index] = prior_variances[index]
     return start
 
 

@@ -93,13 +93,13 @@ def compute_state_flags(
     return flags
 
 
-def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> FloatArray:
+def _settling_ends_s(series: Sequence[SensorSeries], start_s: FloatArray) -> FloatArray:
     """Return when the states behind each start (k,), s, have settled, (k,).
 
     They have when position, speed and heading have all been measured, at most `MAX_AGE_IN_WHOLE_START_STATE_S` before
     the start, else after `FLAGGED_TIME_AFTER_START_S`.
     """
-    ends_s = np.asarray(started_s + FLAGGED_TIME_AFTER_START_S)
+    ends_s = np.asarray(start_s + FLAGGED_TIME_AFTER_START_S)
     position_s: list[FloatArray] = []
     speed_s: list[FloatArray] = []
     heading_s: list[FloatArray] = []
@@ -118,10 +118,10 @@ def _settling_ends_s(series: Sequence[SensorSeries], started_s: FloatArray) -> F
             heading_s.append(time_s[over_ground > np.maximum(1.0, MIN_VELOCITY_SIGMAS_FOR_COURSE * sigma)])
     if not (position_s and speed_s and heading_s):
         return ends_s
-    whole_s = np.copy(started_s)
+    whole_s = np.copy(start_s)
     for parts in (position_s, speed_s, heading_s):
         measured_s = np.append(np.sort(np.concatenate(parts)), np.inf)
-        first_s = measured_s[np.searchsorted(measured_s[:-1], started_s - MAX_AGE_IN_WHOLE_START_STATE_S)]
+        first_s = measured_s[np.searchsorted(measured_s[:-1], start_s - MAX_AGE_IN_WHOLE_START_STATE_S)]
         whole_s = np.maximum(whole_s, first_s)
     return np.minimum(ends_s, whole_s)
 
@@ -151,7 +151,7 @@ def begins_ends_and_rows_of_rejecting_spans(
     return begins[counts], ends[counts], rows[counts]
 
 
-def add_variance_of_rejected_rows(
+def covariance_widened_at_rejected_rows(
     covariance: FloatArray,
     series: Sequence[SensorSeries],
     result: PassResult,

@@ -54,7 +54,7 @@ class StepResiduals:
     floor: float
 
 
-def log_likelihood_gains(
+def log_likelihood_gains_of_candidates(
     uncorrected_residuals: Sequence[StepResiduals], residuals_by_candidate: Sequence[Sequence[StepResiduals]]
 ) -> list[float]:
     """Return the log-likelihood of each candidate minus that without a correction, summed over pairs and steps."""
@@ -78,7 +78,7 @@ def log_likelihood_gains(
     return gains
 
 
-def pair_residuals(one: StepMotion, other: StepMotion) -> list[StepResiduals]:
+def step_residuals_of_pair(one: StepMotion, other: StepMotion) -> list[StepResiduals]:
     """Return the residuals of a pair in all quantities, in a fixed order; NaN where the pair has no such quantity."""
     kinds = {one.kind, other.kind}
     found = []

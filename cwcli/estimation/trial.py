@@ -26,7 +26,7 @@ from cwcli.estimation.passes import (
 )
 from cwcli.estimation.score import INNOVATION_CAP_PROBABILITY
 from cwcli.estimation.sensor_model import StateLayout
-from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.start import find_full_filter_start
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
@@ -113,9 +113,9 @@ class FilterTrials:
         """Return the log-likelihood of the rows that the filter uses."""
         return self._find_or_run(trial).found.log_likelihood
 
-    def reuse_pass_of_known_trial(self, trial: StateLayout, known: StateLayout) -> None:
+    def reuse_pass_of_known_trial(self, trial: StateLayout, known_trial: StateLayout) -> None:
         """Answer a trial with the pass of a known one, because its gate rejected nothing and is all that differs."""
-        self._passes.remember_value(trial_key(trial), self._find_or_run(known), trial.series)
+        self._passes.remember_value(trial_key(trial), self._find_or_run(known_trial), trial.series)
 
     def _find_or_run(self, trial: StateLayout) -> _TrialPass:
         key = trial_key(trial)
@@ -132,7 +132,7 @@ class FilterTrials:
         key = *_series_keys(trial.series), trial.prior.tobytes()
         if (known := self._inputs.find_value(key)) is not None:
             return known
-        start = self._start or find_start_with_parameter_states(trial.series, trial.prior, causal=False)
+        start = self._start or find_full_filter_start(trial.series, trial.prior, causal=False)
         if self._start_position_sigma_m is not None:
             start.covariance[0, 0] = start.covariance[1, 1] = self._start_position_sigma_m**2
         rows = *map(_key_of_series_without_noise, trial.series), start.time_s

@@ -20,7 +20,7 @@ from cwcli.estimation.latency import (
     MS_PER_MINUTE_OF_UNIT_DRIFT,
     Latency,
     LatencyStatus,
-    is_reference_of_each_series,
+    is_latency_reference_by_series,
     latencies_known_without_search,
     mark_latency_beyond_limits,
     remove_latency_drift,
@@ -41,7 +41,7 @@ from cwcli.estimation.sensor_model import SensorModel, StateLayout, add_sensor_e
 from cwcli.estimation.sensor_search import (
     FoundSensorModel,
     find_sensor_errors,
-    keep_model_if_better,
+    keep_sensor_model_if_better,
     may_show_sensor_errors,
     series_whose_forward_arm_may_be_latency,
 )
@@ -108,7 +108,7 @@ def tune_latencies_and_noise(
     elif config.blind:
         series, parameters = layout.series, layout.parameters
     else:
-        settled = estimate_noise_and_manoeuvres(layout, known=search.window_fits)
+        settled = estimate_noise_and_manoeuvres(layout, known_fits=search.window_fits)
         series, parameters = settled.series, settled.parameters
     gated = tuple(
         s if s.is_exact else replace(s, gate_nis=nis_gate_limit(config.gate_probability, s.n_values_per_row))
@@ -221,7 +221,7 @@ class _ParameterSearch:
         plain, modelled = (
             self.layout_with_latencies_and_errors(latencies.applied, model) for model in (SensorModel(), found.model)
         )
-        return latencies, keep_model_if_better(
+        return latencies, keep_sensor_model_if_better(
             found, self._estimate_noise_roughly(plain), self._estimate_noise_roughly(modelled)
         )
 
@@ -236,7 +236,7 @@ class _ParameterSearch:
 
     def _estimate_noise_roughly(self, layout: StateLayout) -> StateLayout:
         """Return the layout with noise and manoeuvre intensity estimated from a window of the log."""
-        return estimate_noise_and_manoeuvres(layout, every_row=False, known=self.window_fits)
+        return estimate_noise_and_manoeuvres(layout, every_row=False, known_fits=self.window_fits)
 
     def _find_and_decide_latencies(self, layout: StateLayout) -> _FoundLatencies:
         """Find the latencies in the log, and decide which are applied.
@@ -260,7 +260,7 @@ class _ParameterSearch:
             for each in found
         ]
         if config.calibration is None:
-            references = is_reference_of_each_series(series)
+            references = is_latency_reference_by_series(series)
             decided = [
                 SourceLatency(s.source, s.kind, is_reference, latency)
                 for s, is_reference, latency in zip(series, references, found, strict=True)

@@ -42,7 +42,7 @@ def set_wrong_rows_aside_and_list_them(
             time_s, values = seconds_since_zero_time(m.stamp_ns[rows], zero_ns), m.values[rows]
             frozen = frozen_row_mask(m.kind, time_s, values, fixes)
             if frozen.any():
-                remaining = _without_measurement_rows(remaining, rows[frozen])
+                remaining = _mark_rows_not_measured(remaining, rows[frozen])
                 what = "repeats one value for long, as a sensor that is stuck or saturated"
                 corrections.append(_correction_of_rows_set_aside(m, "stuck", what, frozen, time_s))
             if m.kind is Kind.POSITION:
@@ -52,7 +52,7 @@ def set_wrong_rows_aside_and_list_them(
                     moving_s, moving, max(scatter_about_neighbours(moving[:, k : k + 1]) for k in (0, 1))
                 )
                 if jumped.any():
-                    remaining = _without_measurement_rows(remaining, rows[jumped])
+                    remaining = _mark_rows_not_measured(remaining, rows[jumped])
                     what = "jumps away and back, as no car does"
                     corrections.append(_correction_of_rows_set_aside(m, "jump", what, jumped, time_s))
             if m.kind is Kind.HEADING and has_heading_jumps(time_s, values[:, 0]):
@@ -62,14 +62,14 @@ def set_wrong_rows_aside_and_list_them(
                 flipped &= ~frozen  # no row is set aside twice
                 rest = ~(flipped | frozen)
                 if flipped.any() and not has_heading_jumps(time_s[rest], values[rest, 0]):
-                    remaining = _without_measurement_rows(remaining, rows[flipped])
+                    remaining = _mark_rows_not_measured(remaining, rows[flipped])
                     what = "is reversed while the car stands"
                     corrections.append(_correction_of_rows_set_aside(m, "standstill", what, flipped, time_s))
         corrected.append(remaining)
     return corrected, corrections
 
 
-def _without_measurement_rows(m: Measurements, rows: npt.NDArray[np.intp]) -> Measurements:
+def _mark_rows_not_measured(m: Measurements, rows: npt.NDArray[np.intp]) -> Measurements:
     """Return the measurements with rows that count as not measured."""
     values = m.values.copy()
     values[rows] = np.nan

@@ -15,7 +15,7 @@ from cwcli.channels.road_event import make_road_event_channels, road_event_table
 from cwcli.channels.transforms import read_lever_arms_transform_counts_and_notes
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
-from cwcli.estimation.calibration import Calibration, calibration_record_entry
+from cwcli.estimation.calibration import Calibration, run_record_entry_of_calibration_file
 from cwcli.estimation.config import EstimatorConfig, LeverArms
 from cwcli.estimation.correction import Correction
 from cwcli.estimation.from_signals import (
@@ -228,7 +228,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
             sources=format_source_diagnostics_json(tracks),
             online_parameters=parameters,
             **map_origin_record_entries(local_map),
-            **calibration_record_entry(config.calibration),
+            **run_record_entry_of_calibration_file(config.calibration),
         ),
         evaluation_inputs=EstimateEvidence(
             sources.by_role.get(Role.TRUTH, ()), remote_signals, measurements, hindsight_states, local_map
@@ -297,7 +297,7 @@ def _undo_exchanged_or_reversed_coordinates(
         return sources, estimated
     known = topics_corrected_or_blamed(estimated.hindsight)
     for fault in GEODETIC_FAULTS:
-        if (fault.needs_vote and not is_outvoted) or not fault.gives_places_on_earth(signal):
+        if (fault.needs_vote and not is_outvoted) or not fault.are_corrected_fixes_on_earth(signal):
             continue
         corrected = tuple(fault.correct(each) if each is signal else each for each in positions)
         tried_sources = replace(sources, by_role={**sources.by_role, Role.EGO_POSITION: corrected})

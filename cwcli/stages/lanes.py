@@ -22,7 +22,7 @@ from cwcli.channels.lanes import (
 )
 from cwcli.channels.render_topic import check_render_topic_is_free, check_topic_name_if_given
 from cwcli.errors import DataError, UsageError
-from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, calibration_record_entry
+from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, run_record_entry_of_calibration_file
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
@@ -233,7 +233,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         ),
     )
     table: Table = lanes_table(frames)
-    known = calibration_record_entry(config.calibration)
+    known = run_record_entry_of_calibration_file(config.calibration)
     record = build_run_record("lanes", log, replace(config, calibration=None), summary, **known)
     return StageResult("lanes", tuple(channels), {"lanes": table}, summary, record)
 

@@ -19,7 +19,7 @@ from cwcli.dynamics.single_track import critical_speed_mps
 from cwcli.dynamics.table import observer_table
 from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.estimation.calibration import Calibration, calibration_record_entry
+from cwcli.estimation.calibration import Calibration, run_record_entry_of_calibration_file
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
@@ -169,7 +169,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         inputs=(lanes.count, *inputs.counts),
         notes=_build_notes(own, inputs, track, vehicle, config),
     )
-    known = {**vehicle_to_record_entry(vehicle), **calibration_record_entry(config.calibration)}
+    known = {**vehicle_to_record_entry(vehicle), **run_record_entry_of_calibration_file(config.calibration)}
     record = build_run_record("observe", log, replace(config, calibration=None), summary, **known)
     return StageResult(
         "observe",

@@ -24,7 +24,7 @@ from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import run_filter_pass
 from cwcli.estimation.prepare import earliest_stamp_ns, clean_and_sort_measurements_and_note
-from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.start import find_full_filter_start
 from cwcli.estimation.tune import add_bias_states_and_their_variances
 from tests.studies.city_drive import Sensors, city_drive, measure
 
@@ -118,7 +118,7 @@ def bound(measurements: Sequence[Measurements], planted: dict[str, float]) -> di
         if s.source not in SOURCES:
             continue
         used = [replace(s, latency_state=n), *(other for other in series if other.source == "imu")]
-        start = find_start_with_parameter_states(used, np.append(prior, PRIOR_S**2), causal=False)
+        start = find_full_filter_start(used, np.append(prior, PRIOR_S**2), causal=False)
         result = run_filter_pass(
             used, start, parameters.to_process_model(np.append(walk, 0.0)), np.zeros(0), smooth=False, reset_after=50
         )

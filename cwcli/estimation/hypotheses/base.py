@@ -81,16 +81,16 @@ def with_pairwise_combinations(hypotheses: Sequence[Hypothesis]) -> tuple[Hypoth
     return (*hypotheses, *pairs)
 
 
-def compose_hypothesis_by_name(kind: Kind, known: Sequence[Hypothesis], name: str) -> Hypothesis | None:
+def compose_hypothesis_by_name(kind: Kind, hypotheses: Sequence[Hypothesis], name: str) -> Hypothesis | None:
     """Return the hypothesis with a name, or of several names joined by "+".
 
-    They are repaired in the order of `known`, a unit before a convention, however they are named.
+    They are repaired in the order of `hypotheses`, a unit before a convention, however they are named.
 
     Returns:
         None if a name is not known, or if two of them exclude each other, such as two units.
     """
     parts = name.split("+")
-    own = [each for each in known if each.name in parts]
+    own = [each for each in hypotheses if each.name in parts]
     if len(own) < len(parts) or len({each.group for each in own}) < len(own):
         return None
     found = own[0]

@@ -22,15 +22,15 @@ def _scale_hypothesis(name: str, group: str, fault: str, action: str, accel: flo
     return Hypothesis(name, group, fault, action, tuple(map(tuple, diagonal.tolist())), ZERO_IMU_OFFSET)
 
 
-def axes_hypothesis(forward: int, left: int, up: int) -> Hypothesis:
+def imu_axes_hypothesis(forward_axis: int, left_axis: int, up_axis: int) -> Hypothesis:
     """Return the hypothesis that these axes of the IMU point forward, left and up.
 
     Args:
-        forward, left, up: 1, 2, 3 for x, y, z; negative for an axis that points the other way.
+        forward_axis, left_axis, up_axis: 1, 2, 3 for x, y, z; negative for an axis that points the other way.
     """
-    names = [("-" if axis < 0 else "") + AXIS_NAMES[abs(axis) - 1] for axis in (forward, left, up)]
+    names = [("-" if axis < 0 else "") + AXIS_NAMES[abs(axis) - 1] for axis in (forward_axis, left_axis, up_axis)]
     rotation = np.zeros((6, 6))
-    for row, axis in enumerate((forward, left, up)):
+    for row, axis in enumerate((forward_axis, left_axis, up_axis)):
         rotation[row, abs(axis) - 1] = rotation[row + 3, abs(axis) + 2] = math.copysign(1.0, axis)
     fault = f"is mounted with {names[0]} forward, {names[1]} left and {names[2]} up, not x, y and z"
     return Hypothesis(",".join(names), "axes", fault, "turned", tuple(map(tuple, rotation.tolist())), ZERO_IMU_OFFSET)
@@ -82,18 +82,18 @@ IMU_SIGN_HYPOTHESES = (
     _scale_hypothesis("gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0),
 )
 """Two hypotheses: that the accelerometer has the wrong sign, and that the gyroscope has."""
-IMU_AXES_HYPOTHESES = tuple(axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
+IMU_AXES_HYPOTHESES = tuple(imu_axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
 IMU_HYPOTHESES = (*ACCEL_UNIT_HYPOTHESES, *GYRO_UNIT_HYPOTHESES, *IMU_SIGN_HYPOTHESES, *IMU_AXES_HYPOTHESES)
 """Hypotheses on units, signs and axes of a source of `Kind.IMU`."""
 
 
-def tilt_hypothesis(force: FloatArray) -> Hypothesis:
+def imu_tilt_hypothesis(mean_force: FloatArray) -> Hypothesis:
     """Return the hypothesis that an IMU is tilted: the shortest turn takes its mean specific force (3,) to z.
 
     Rodrigues' formula: R = I + K + K K / (1 + c), with K the cross product by u x z and c their scalar product, u z.
     """
-    u = force / np.linalg.norm(force)
+    u = mean_force / np.linalg.norm(mean_force)
     cross = np.array([[0.0, 0.0, -u[0]], [0.0, 0.0, -u[1]], [u[0], u[1], 0.0]])
     turn = np.eye(3) + cross + cross @ cross / (1.0 + u[2])
     matrix = np.zeros((6, 6))

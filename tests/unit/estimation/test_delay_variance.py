@@ -10,7 +10,7 @@ import pytest
 
 from cwcli.estimation.delay_variance import (
     DelaySigmas,
-    covariance_from_moved_stamps,
+    covariance_from_unknown_delays,
     delay_sigmas_of_best_known_sources,
     unknown_delay_sigma_s,
 )
@@ -44,7 +44,7 @@ def test_a_delay_moves_the_states_as_far_as_the_estimate_takes_it_up() -> None:
         change = [0.0, -10.0 * late_s[0], 0.0, -0.15 * late_s[1], 0.0, 0.0, 0.0, 0.0]
         return np.asarray(STATE + np.array(change))
 
-    found = covariance_from_moved_stamps(series, np.array([0.05, 0.02]), STATE, states_of, causal=False)[0]
+    found = covariance_from_unknown_delays(series, np.array([0.05, 0.02]), STATE, states_of, causal=False)[0]
     expected = np.zeros((8, 8))
     expected[1, 1] = (10.0 * 0.05) ** 2
     expected[3, 3] = (0.5 * 0.3 * 0.02) ** 2
@@ -63,7 +63,7 @@ def test_quantities_of_one_topic_are_late_together_and_no_row_that_is_rejected_c
         calls.append([s.latency_s for s in moved])
         return STATE + np.array([0.0, 300.0, 0.0, 0.001, 0.0, 0.0, 0.0, np.nan])
 
-    found = covariance_from_moved_stamps(series, np.array([0.05, 0.02]), STATE, states_of, causal=False)[0]
+    found = covariance_from_unknown_delays(series, np.array([0.05, 0.02]), STATE, states_of, causal=False)[0]
     assert calls == [[-0.05, -0.02]]
     expected = np.zeros((8, 8))
     change = np.array([0.0, 10.0 * 0.05, 0.0, 0.001])
@@ -71,15 +71,15 @@ def test_quantities_of_one_topic_are_late_together_and_no_row_that_is_rejected_c
     np.testing.assert_allclose(found, expected, atol=1e-12)
     before = np.concatenate((STATE, 0.5 * STATE))  # a state that comes later changes less, and earlier ones count
     for causal, second_m in ((True, 0.5), (False, 0.5)):
-        found = covariance_from_moved_stamps(
+        found = covariance_from_unknown_delays(
             series, np.array([0.05, 0.0]), before, lambda _: before + [[0.0, 9.0] + [0.0] * 6] * 2, causal=causal
         )
         np.testing.assert_allclose(found[:, 1, 1], [0.5**2, second_m**2])
-    found = covariance_from_moved_stamps(
+    found = covariance_from_unknown_delays(
         series, np.array([0.05, 0.0]), before[::-1], lambda _: before[::-1] + [[0.0, 9.0] + [0.0] * 6] * 2, causal=True
     )
     np.testing.assert_allclose(found[:, 1, 1], [0.25**2, 0.5**2])
-    assert not covariance_from_moved_stamps(series, np.zeros(2), STATE, states_of, causal=False).any()
+    assert not covariance_from_unknown_delays(series, np.zeros(2), STATE, states_of, causal=False).any()
     assert len(calls) == 1
 
 
@@ -134,7 +134,9 @@ def test_fixes_that_seem_early_may_be_those_of_an_antenna_ahead(
 
 
 def test_the_larger_of_two_sigmas_counts_for_each_quantity() -> None:
-    assert DelaySigmas(1.0, 0.1, 0.3).larger_of_each(DelaySigmas(0.5, 0.2, 0.3, 0.4)) == DelaySigmas(1.0, 0.2, 0.3, 0.4)
+    assert DelaySigmas(1.0, 0.1, 0.3).elementwise_max(DelaySigmas(0.5, 0.2, 0.3, 0.4)) == DelaySigmas(
+        1.0, 0.2, 0.3, 0.4
+    )
 
 
 def test_the_best_known_source_of_a_quantity_counts_and_a_speed_before_fixes() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.slow_accel import time_constant_of_missing_slow_part_s
+from cwcli.estimation.slow_accel import high_pass_time_constant_of_accelerometer_s
 from cwcli.estimation.source_checks import Judgement, compare_all_source_pairs
 from cwcli.estimation.step_motion import compute_step_motion_by_source, step_edges_s
 from cwcli.signals.columns import FloatArray
@@ -37,7 +37,7 @@ def _found_time_constant_s(accel_mps2: FloatArray, fixes_m: FloatArray = FIXES_M
     fixes = as_series(Kind.POSITION, TIME_S, fixes_m)
     edges_s = step_edges_s([fixes], STEP_S)
     accel = compute_step_motion_by_source(as_series(Kind.ACCEL, TIME_S, accel_mps2[:, None]), edges_s)
-    return time_constant_of_missing_slow_part_s(accel, compute_step_motion_by_source(fixes, edges_s), STEP_S)
+    return high_pass_time_constant_of_accelerometer_s(accel, compute_step_motion_by_source(fixes, edges_s), STEP_S)
 
 
 @pytest.mark.parametrize("time_constant_s", [2.0, 5.0, 10.0, 20.0])

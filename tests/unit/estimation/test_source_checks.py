@@ -15,7 +15,7 @@ from cwcli.estimation.source_checks import (
     SourceComparison,
     StepComparison,
     compare_all_source_pairs,
-    judgement_and_number_of_all_step_lengths,
+    joint_judgement_and_number_of_step_lengths,
 )
 from tests.unit.estimation.made_drive import Values, as_series, drive_series, made_drive
 
@@ -216,4 +216,4 @@ def test_the_interval_of_a_median_holds_student_s_width() -> None:
     ],
 )  # fmt: skip
 def test_steps_of_all_lengths_judge_together(measured: list[StepComparison], expected: Judgement) -> None:
-    assert judgement_and_number_of_all_step_lengths(measured)[0] is expected
+    assert joint_judgement_and_number_of_step_lengths(measured)[0] is expected

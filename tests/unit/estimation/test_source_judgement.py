@@ -18,7 +18,7 @@ from cwcli.estimation.hypotheses.base import with_pairwise_combinations
 from cwcli.estimation.hypotheses.imu import signed_axis_rotations
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
-from cwcli.estimation.source_judgement import JudgedSources, correct_and_list_what_user_says, judge_sources
+from cwcli.estimation.source_judgement import JudgedSources, correct_and_list_user_faults, judge_sources
 from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
 from tests.unit.estimation.made_drive import made_drive
 
@@ -329,7 +329,7 @@ def test_an_imu_that_repeats_one_row_is_set_aside_for_that_time() -> None:
 
 
 def test_what_the_user_says_is_done_without_asking_the_log() -> None:
-    corrected, told = correct_and_list_what_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "km/h+reversed"})
+    corrected, told = correct_and_list_user_faults(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "km/h+reversed"})
     np.testing.assert_allclose(corrected[1].values, -_drive(Kind.POSITION, Kind.SPEED)[1].values / 3.6)
     assert told[0].is_by_user
     assert told[0].sentence_on_fault_and_undoing == (
@@ -341,7 +341,7 @@ def test_what_the_user_says_is_done_without_asking_the_log() -> None:
 def test_the_order_in_which_the_user_names_faults_does_not_matter(name: str) -> None:
     """Clockwise from north in degrees: east is 90, north 0, west 270."""
     m = Measurements("/heading", Kind.HEADING, np.arange(3), np.array([[90.0], [0.0], [270.0]]))
-    (corrected,), _ = correct_and_list_what_user_says([m], {"/heading": name})
+    (corrected,), _ = correct_and_list_user_faults([m], {"/heading": name})
     np.testing.assert_allclose(np.cos(corrected.values[:, 0]), [1.0, 0.0, -1.0], atol=1e-12)
     np.testing.assert_allclose(np.sin(corrected.values[:, 0]), [0.0, 1.0, 0.0], atol=1e-12)
 
@@ -349,12 +349,12 @@ def test_the_order_in_which_the_user_names_faults_does_not_matter(name: str) -> 
 @pytest.mark.parametrize("name", ["km/h+mph", "km/h+km/h"])
 def test_two_units_of_one_source_are_refused(name: str) -> None:
     with pytest.raises(UsageError, match="/speed"):
-        correct_and_list_what_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": name})
+        correct_and_list_user_faults(_drive(Kind.POSITION, Kind.SPEED), {"/speed": name})
 
 
 def test_units_that_a_source_cannot_have_are_refused() -> None:
     with pytest.raises(UsageError, match="there is no such fault of /speed"):
-        correct_and_list_what_user_says(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "clockwise-from-north"})
+        correct_and_list_user_faults(_drive(Kind.POSITION, Kind.SPEED), {"/speed": "clockwise-from-north"})
     with pytest.raises(UsageError, match="no unit or convention 'furlongs'"):
         parse_source_units(["/speed=furlongs"])
     with pytest.raises(UsageError, match="twice"):

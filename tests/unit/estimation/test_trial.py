@@ -15,7 +15,7 @@ from cwcli.estimation.noise import estimate_noise_and_manoeuvres
 from cwcli.estimation.parameter import Parameter
 from cwcli.estimation.passes import FilterStart, PassInput, SensorSeries, run_filter_pass
 from cwcli.estimation.sensor_model import StateLayout
-from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.start import find_full_filter_start
 from cwcli.estimation.trial import (
     N_REMEMBERED_PASSES,
     RESET_AFTER_REJECTIONS_IN_SEARCH,
@@ -70,7 +70,7 @@ def test_a_trial_is_the_pass_of_the_filter() -> None:
         layout,
         replace(layout, parameters=MotionParameters(course_rad=0.1)),
     ):
-        start = find_start_with_parameter_states(trial.series, trial.prior, causal=False)
+        start = find_full_filter_start(trial.series, trial.prior, causal=False)
         motion = trial.parameters.to_process_model(trial.walk)
         alone = run_filter_pass(
             trial.series, start, motion, np.zeros(0), smooth=False, reset_after=RESET_AFTER_REJECTIONS_IN_SEARCH
@@ -148,9 +148,9 @@ def test_the_searchs_gate_is_the_chi_square_quantile() -> None:
 def test_noise_of_a_known_layout_is_not_fitted_again(passes: list[bytes]) -> None:
     layout = straight_drive()
     fits: dict[Any, Any] = {}
-    rough = estimate_noise_and_manoeuvres(layout, every_row=False, known=fits)
+    rough = estimate_noise_and_manoeuvres(layout, every_row=False, known_fits=fits)
     n_rough = len(passes)
-    again = estimate_noise_and_manoeuvres(layout, every_row=False, known=fits)
+    again = estimate_noise_and_manoeuvres(layout, every_row=False, known_fits=fits)
     assert len(passes) == n_rough
     assert again.parameters == rough.parameters
     for one, other in zip(again.series, rough.series, strict=True):

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.estimation.distance_ratio import find_distance_ratio
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 from cwcli.estimation.source_judgement import judge_sources
-from cwcli.estimation.way_ratio import find_way_ratio
 from tests.unit.estimation.made_drive import made_drive
 
 TIME_S, VALUES = made_drive()
@@ -35,7 +35,7 @@ def drive(
 def test_the_ratio_is_found_within_its_interval(scale: float, last: int, turning: Kind) -> None:
     prepared, _ = clean_and_sort_measurements_and_note(drive(scale, last=last, turning=turning), 0)
     fixes, speed, turn = (p.series for p in prepared)
-    found = find_way_ratio(speed, turn, fixes)
+    found = find_distance_ratio(speed, turn, fixes)
     assert found is not None
     assert abs(found.value - scale) < 1.5 * found.half_width
     assert found.half_width < 0.03
@@ -44,7 +44,7 @@ def test_the_ratio_is_found_within_its_interval(scale: float, last: int, turning
 def test_noise_of_fixes_does_not_make_the_way_longer() -> None:
     prepared, _ = clean_and_sort_measurements_and_note(drive(1.0, fix_sigma_m=4.0), 0)
     fixes, speed, turn = (p.series for p in prepared)
-    found = find_way_ratio(speed, turn, fixes)
+    found = find_distance_ratio(speed, turn, fixes)
     assert found is not None
     assert abs(found.value - 1.0) < found.half_width < 0.05
 

@@ -22,7 +22,7 @@ from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.sensor_limits import SPEED_SCALE_RANGE
 from cwcli.estimation.sensor_model import SPEED_SCALE_PRIOR_SIGMA
-from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE, MIN_STEPS_OF_ONE_LENGTH, student_99_quantile
+from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE, MIN_STEPS_OF_ONE_LENGTH, student_99_half_width
 from cwcli.estimation.step_motion import covered_step_mask, step_edges_s, trapezoidal_integral
 from cwcli.lazy_dataclass import dataclass
 
@@ -40,7 +40,7 @@ lasting errors of fixes."""
 
 
 @dataclass(frozen=True)
-class WayRatio:
+class DistanceRatio:
     """Ratio of the way by a speed to that between the fixes.
 
     Attributes:
@@ -81,7 +81,7 @@ def correct_and_list_scaled_speeds(
     corrections: list[Correction] = []
     for m in measurements:
         own = speeds.get(m.source) if m.kind is Kind.SPEED else None
-        ratio = None if own is None or fixes is None or turning is None else find_way_ratio(own, turning, fixes)
+        ratio = None if own is None or fixes is None or turning is None else find_distance_ratio(own, turning, fixes)
         if ratio is None or fixes is None or not ratio.is_beyond_prior:
             corrected.append(m)
             continue
@@ -96,7 +96,7 @@ def correct_and_list_scaled_speeds(
     return corrected, corrections
 
 
-def find_way_ratio(speed: SensorSeries, turning: SensorSeries, fixes: SensorSeries) -> WayRatio | None:
+def find_distance_ratio(speed: SensorSeries, turning: SensorSeries, fixes: SensorSeries) -> DistanceRatio | None:
     """Return the ratio of the way by a speed to that between the fixes; None with too few windows in motion.
 
     Args:
@@ -131,4 +131,6 @@ def find_way_ratio(speed: SensorSeries, turning: SensorSeries, fixes: SensorSeri
     mean = float((weight * scale).sum())
     n_effective = 1.0 / float((weight**2).sum())
     sigma = math.sqrt(float((weight * (scale - mean) ** 2).sum()) / max(n_effective - 1.0, 1.0))
-    return WayRatio(mean, student_99_quantile(max(int(n_effective), MIN_STEPS_OF_ONE_LENGTH)) * sigma, len(scales))
+    return DistanceRatio(
+        mean, student_99_half_width(max(int(n_effective), MIN_STEPS_OF_ONE_LENGTH)) * sigma, len(scales)
+    )
