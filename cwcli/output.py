@@ -23,6 +23,8 @@ from cwcli.input import InputFile, check_unchanged, is_input_of_run, remember_in
 from cwcli.output_stream import Bytes, OutputStream, translate_os_errors
 from cwcli.temporary import TemporaryFile
 
+PLOT_FILE_FORMATS = ("png", "svg")
+"""The formats in which plots are written, by the ending of their files."""
 STDOUT = "-"
 """The target that stands for standard output."""
 NO_SUCH_FILE_ERRNOS = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)

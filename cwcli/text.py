@@ -27,6 +27,12 @@ def shorten_and_escape(text: str, most: int = 1000) -> str:
     return escape_control_characters(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
 
 
+def format_first_names(names: Sequence[str], most: int = 3) -> str:
+    """Join the first names with commas, at most `most`, and say how many more there are."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
 def escape_surrogates(text: str) -> str:
     """Return a text that UTF-8 can encode: each lone surrogate becomes its escape, `\\xff` or `\\ud800`.
 

@@ -21,15 +21,13 @@ from cwcli.cli.options.complete import run_completion_with_bash_equals_fix
 from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_options
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import use_typer_declarations
-from cwcli.cli.options.plain_coercion import use_plain_coercion
+from cwcli.cli.options.plain_coercion import MAX_SHOWN_VALUE_CHARACTERS, use_plain_coercion
 from cwcli.cli.root_help import NO_PLUGINS_HELP, ROOT_HELP_EPILOG, ROOT_HELP_PARAGRAPH
 from cwcli.errors import UsageError
 from cwcli.input import remember_inputs
 from cwcli.text import shorten_and_escape
 from cwcli.version import __version__
 
-MAX_SHOWN_VALUE_CHARACTERS = 60
-"""Longest part of a wrong value that an error shows, in characters; chosen by hand."""
 MAX_OPTIONS_WITHOUT_HEADINGS = 15
 """Greatest number of options that the help of a command lists without headings. Chosen by hand."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from cwcli.cli.options.plain_coercion import MAX_SHOWN_VALUE_CHARACTERS
 from cwcli.cli.text import finite_or_none, format_count, format_number, shorten_and_escape
 
 if TYPE_CHECKING:
@@ -12,8 +13,6 @@ if TYPE_CHECKING:
     from cwcli.evaluation.setting_changes import SettingChange
     from cwcli.fleet.message_changes import RunDifference
 
-MAX_SHOWN_VALUE_CHARACTERS = 60
-"""Longest value, in characters, that a sentence shows; chosen by hand."""
 MAX_LISTED_ENTRIES_PER_KIND = 10
 """Settings, warnings and further channels of a log that are listed; chosen by hand."""
 MAX_LISTED_LOGS = 20

@@ -96,7 +96,7 @@ def judge_preventability(
                 size=pair.host_size,
                 offset_m=np.interp(starts, time, way),
             ),
-            other_at=_recorded_pose_function(other, starts, pair.other_size),
+            other_at=_pose_by_step_of_recorded_vehicle(other, starts, pair.other_size),
             n_steps=n_steps,
             step_s=SIMULATION_STEP_S,
         )
@@ -135,14 +135,14 @@ def _path_pose_function(
     return pose_at
 
 
-def _recorded_pose_function(
-    other: tuple[FloatArray, FloatArray], starts: FloatArray, size: LengthAndWidthM
+def _pose_by_step_of_recorded_vehicle(
+    times_and_states: tuple[FloatArray, FloatArray], start_s: FloatArray, size: LengthAndWidthM
 ) -> Callable[[int], tuple[CasePoses, BoolArray, LengthAndWidthM]]:
     """A function from the step to the recorded other in each case: poses, whether it counts, and its size."""
-    time, state = other
+    time, state = times_and_states
 
     def poses_at_time_step(step: int) -> tuple[CasePoses, BoolArray, LengthAndWidthM]:
-        time_ns = starts + step * SIMULATION_STEP_S
+        time_ns = start_s + step * SIMULATION_STEP_S
         x, y, speed, heading = (np.interp(time_ns, time, state[:, column]) for column in range(4))
         beyond = np.maximum(time_ns - time[-1], 0.0) * speed
         pose = CasePoses(

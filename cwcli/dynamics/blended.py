@@ -196,7 +196,7 @@ def _hold_last_known_value(values: FloatArray) -> FloatArray:
 
 
 def _starts_and_statuses_of_frames(
-    dt_s: FloatArray, speed_mps: FloatArray, seen: npt.NDArray[np.bool_], config: ObserverConfig
+    dt_s: FloatArray, speed_mps: FloatArray, has_lane: npt.NDArray[np.bool_], config: ObserverConfig
 ) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int8]]:
     """Whether the observer starts, stops or goes on at each frame (`Begin`), and its status; shape (n,) each."""
     n = len(speed_mps)
@@ -204,7 +204,7 @@ def _starts_and_statuses_of_frames(
     status = np.full(n, FrameStatus.LOST, dtype=np.int8)
     slowest = OBSERVER_SPEEDS_KMH[0] * MPS_PER_KMH * (1.0 - 1e-9)
     running, unseen_s = False, 0.0
-    for i, (dt, speed, is_seen) in enumerate(zip(dt_s.tolist(), speed_mps.tolist(), seen.tolist(), strict=True)):
+    for i, (dt, speed, is_seen) in enumerate(zip(dt_s.tolist(), speed_mps.tolist(), has_lane.tolist(), strict=True)):
         unseen_s += dt
         is_driving = speed >= slowest  # false for NaN
         if not is_driving or dt > config.max_gap_s or (unseen_s > config.max_coast_s and not is_seen):

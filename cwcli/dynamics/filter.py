@@ -19,7 +19,7 @@ from cwcli.dynamics.near_lane import (
     MIN_SPEED_OF_PREVIEW_SCALING_MPS,
     TUNING_DRIVE_SPEED_MPS,
     convert_sine_states_to_angles,
-    lane_at_nearer_preview,
+    move_lanes_to_nearer_preview,
     reference_to_actual_speed_ratio,
 )
 from cwcli.dynamics.samples import (
@@ -134,7 +134,7 @@ def observe_with_kalman_filter(
     n = len(stamp_ns)
     notes: list[str] = []
     frame_speed = speed_at_times_mps(speed, stamp_ns, config.max_speed_gap_s)
-    lanes, preview_m, change_1pm2 = lane_at_nearer_preview(
+    lanes, preview_m, change_1pm2 = move_lanes_to_nearer_preview(
         lanes, frame_speed, config.preview_m, vehicle.camera_forward_m
     )
     quick = reference_to_actual_speed_ratio(frame_speed)
@@ -197,11 +197,11 @@ def observe_with_kalman_filter(
     )
 
 
-def _lasting_error_covariance(noise: FilterNoise, quick: FloatArray) -> FloatArray:
+def _lasting_error_covariance(noise: FilterNoise, ratio: FloatArray) -> FloatArray:
     """Covariance (n, 4, 4) of the lane errors that many frames share, which averaging does not reduce."""
-    lasting = np.zeros((len(quick), 4, 4))
+    lasting = np.zeros((len(ratio), 4, 4))
     lasting[:, 2, 2] = noise.lateral_floor_m**2
-    lasting[:, 3, 3] = (noise.heading_floor_rad * quick**1.5) ** 2
+    lasting[:, 3, 3] = (noise.heading_floor_rad * ratio**1.5) ** 2
     return lasting
 
 
@@ -218,7 +218,7 @@ def _spread_frame_values_to_events(values: FloatArray, order: npt.NDArray[np.int
 
 
 def _lane_values_and_sigmas(
-    lanes: LaneSamples, preview_m: FloatArray, quick: FloatArray, config: ObserverConfig
+    lanes: LaneSamples, preview_m: FloatArray, ratio: FloatArray, config: ObserverConfig
 ) -> tuple[FloatArray, FloatArray]:
     """y_L, e_L, K_L of the frames and their sigmas, shape (n, 3) each.
 
@@ -228,17 +228,17 @@ def _lane_values_and_sigmas(
 
     Args:
         lanes, preview_m: The lane at the nearer preview point, and that point's distance, shape (n,).
-        quick: The slowness ratio of the car at each frame, shape (n,).
+        ratio: The slowness ratio of the car at each frame, shape (n,).
     """
     noise, is_nearer = config.noise, preview_m < config.preview_m
     values = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])
     stated_sigmas = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
     defaults: tuple[FloatArray | float, ...] = (
         noise.lateral_sigma_m,
-        noise.heading_sigma_rad * quick**1.5,
-        noise.curvature_sigma_1pm * quick**3,
+        noise.heading_sigma_rad * ratio**1.5,
+        noise.curvature_sigma_1pm * ratio**3,
     )
-    lasting = (noise.lateral_floor_m, noise.heading_floor_rad * quick**1.5, noise.curvature_floor_1pm * quick**3)
+    lasting = (noise.lateral_floor_m, noise.heading_floor_rad * ratio**1.5, noise.curvature_floor_1pm * ratio**3)
     floors = [noise.floor_share * each for each in lasting]
     yaw_shares = (config.preview_m * lanes.yaw_sigma_rad, lanes.yaw_sigma_rad, 0.0)
     columns = []

@@ -54,7 +54,7 @@ def convert_sine_states_to_angles(state: FloatArray, covariance: FloatArray) -> 
     return angles, covariance * size[:, :, None] * size[:, None, :]
 
 
-def lane_at_nearer_preview(
+def move_lanes_to_nearer_preview(
     lanes: LaneSamples, speed_mps: FloatArray, preview_m: float, camera_forward_m: float
 ) -> tuple[LaneSamples, FloatArray, FloatArray]:
     """Move each frame's lane to a preview point that is near enough for the speed and the bend.

@@ -23,7 +23,7 @@ from cwcli.signals.canonical import (
 from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.remotes import join_remote_signals
-from cwcli.signals.stitch import join_changed_ids
+from cwcli.signals.stitch import join_changed_station_ids
 from cwcli.signals.units import NS_PER_S
 
 MAX_LISTED_ID_CHANGES = 5
@@ -254,7 +254,7 @@ def _join_changed_ids_and_note(
     signal: RemoteSignal, local_map: LocalMap | None
 ) -> tuple[RemoteSignal, tuple[str, ...]]:
     """Join the ids of vehicles that changed their id; returns the signal and notes."""
-    found = join_changed_ids(signal, local_map)
+    found = join_changed_station_ids(signal, local_map)
     notes = []
     if found.joined:
         pairs = ", ".join(f"{one} became {other}" for one, other in found.joined[:MAX_LISTED_ID_CHANGES])

@@ -20,7 +20,7 @@ MIN_CORRECTED_MOUNTING_YAW_RAD = math.radians(6.0)
 fitted."""
 MIN_COMPARED_TIME_STEPS = 10
 """Least number of time steps with accelerations by both the IMU and the fixes. Chosen by hand; not fitted."""
-MIN_CORRELATION_WITH_FIXES = 0.8
+MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS = 0.8
 """Least correlation of the turned accelerations with those of the fixes. Chosen by hand; not fitted."""
 MIN_SIGMAS_OF_MOUNTING_YAW = 4.0
 """Least angle in its sigmas: one log without a fault in 16,000. Not fitted."""
@@ -65,7 +65,7 @@ def find_imu_yaw_hypothesis_and_evidence(
     dot, cross = float((f * r).sum()), float((f[:, 1] * r[:, 0] - f[:, 0] * r[:, 1]).sum())
     if np.square(r).sum() < n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2 or math.hypot(
         dot, cross
-    ) < MIN_CORRELATION_WITH_FIXES * math.sqrt(power):
+    ) < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(power):
         return None
     yaw_rad = math.atan2(cross, dot)
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)

@@ -30,7 +30,7 @@ ERROR_COVARIANCE_LAG_S = 0.5
 """Interval of two fixes whose errors are compared, s: white noise has no covariance over it, lasting errors have."""
 MIN_FIX_INTERVAL_S = 1e-3
 """Least interval of two fixes, s: of stamps that are cut, most differ by 0. Chosen by hand."""
-MIN_LASTING_ERROR_COVARIANCE_SIGMAS = 3.0
+MIN_FIX_ERROR_COVARIANCE_IN_SIGMAS = 3.0
 """Least covariance of the errors of such fixes, in sigmas of that of white noise. Chosen by hand; not fitted."""
 
 
@@ -97,7 +97,7 @@ def _standstill_errors_of_source(
     if not n or not n_states:
         return StandstillErrors()
     wander_m2 = (
-        covariance_sum / n if covariance_sum > MIN_LASTING_ERROR_COVARIANCE_SIGMAS * variance_sum / n**0.5 else 0.0
+        covariance_sum / n if covariance_sum > MIN_FIX_ERROR_COVARIANCE_IN_SIGMAS * variance_sum / n**0.5 else 0.0
     )
     return StandstillErrors(
         max(wander_m2, position_sum_m2 / (2 * n_states), 0.0) ** 0.5, max(speed_sum_m2ps2 / n_states, 0.0) ** 0.5

@@ -46,15 +46,13 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.columns import FloatArray, Int64Array, StateRows, median_of_values
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.resample import interpolate_signal_at_times
+from cwcli.signals.resample import MAX_INTERPOLATED_STATE_GAP_S, interpolate_signal_at_times
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.estimate import EstimateConfig, EstimateEvidence
 from cwcli.stages.inputs.sources import SensorSignals, read_sensor_signals
 
-MAX_INTERPOLATED_STATE_GAP_S = 0.5
-"""Longest gap between states that is interpolated, s. Chosen by hand; not fitted."""
 MAX_INTERPOLATED_FIX_GAP_S = 1.5
 """Longest gap between fixes that is interpolated, s. Chosen for fixes at 1 Hz."""
 MIN_TRUTH_ROWS = 10

@@ -16,11 +16,9 @@ from cwcli.evaluation.doubts.fixes import (
     MIN_LASTING_OFFSET_S,
 )
 from cwcli.signals.columns import FloatArray, median_of_values
-from cwcli.signals.resample import interpolate_signal_at_times
+from cwcli.signals.resample import MAX_INTERPOLATED_STATE_GAP_S, interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
 
-MAX_INTERPOLATED_STATE_GAP_S = 0.5
-"""Longest gap between states that is interpolated, s. Chosen by hand; not fitted."""
 MAD_TO_SIGMA = 1.0 / 0.6745
 """Standard deviation per median absolute deviation of a normal distribution."""
 SECOND_DIFFERENCE_SIGMA_RATIO = 6.0**0.5

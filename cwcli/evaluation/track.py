@@ -32,12 +32,12 @@ def judge_result(log: Log, config: TrackConfig, result: StageResult) -> StageRes
     )
     entries = {"scores": format_score_record_json(evidence.result, errors)}
     if errors is None:
-        return result.with_evaluation(notes=notes, at=evidence.n_notes, entries=entries)
+        return result.with_evaluation(notes=notes, note_index=evidence.n_notes, entries=entries)
     return result.with_evaluation(
         sections=build_score_sections(errors, len(evidence.result.tracks)),
         tables={"track": append_metric_rows(result.tables["track"], target_score_metric_rows(errors))},
         notes=notes,
-        at=evidence.n_notes,
+        note_index=evidence.n_notes,
         entries=entries,
     )
 

@@ -33,7 +33,7 @@ from cwcli.pipeline.records import (
     to_int_or_none,
 )
 from cwcli.pipeline.result import StageResult, SummaryTable
-from cwcli.stages.summaries.warn import RuleOutcome, number_events_over_rules, tables_by_unique_name
+from cwcli.stages.summaries.warn import RuleOutcome, continue_event_numbers, tables_by_unique_name
 from cwcli.stages.warn import WarnConfig, WarningEvidence
 from cwcli.stages.warn_lane import WarnLaneConfig
 from cwcli.stages.warn_targets import WarnTargetsConfig
@@ -81,7 +81,7 @@ def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageRes
         _judge_rule_outcome(found, outcome, actual)
         for found, outcome in zip(evidence.found, evidence.outcomes, strict=True)
     ]
-    numbered = number_events_over_rules(outcomes, after=evidence.earlier)
+    numbered = continue_event_numbers(outcomes, earlier=evidence.earlier)
     sections = tuple(section for outcome in numbered for section in outcome.sections)
     return replace(
         result,

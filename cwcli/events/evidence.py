@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from cwcli.events.base import Moment
     from cwcli.events.own_path import OnOwnPath
 
-SENSOR_ROLES = (
+NEVER_PAUSING_SENSOR_ROLES = (
     Role.EGO_SPEED,
     Role.EGO_HEADING,
     Role.EGO_VELOCITY,

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, read_vehicle_states
 from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
-from cwcli.events.evidence import SENSOR_ROLES, EventEvidence, first_and_last_rows_of_runs
+from cwcli.events.evidence import NEVER_PAUSING_SENSOR_ROLES, EventEvidence, first_and_last_rows_of_runs
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
@@ -60,7 +60,7 @@ def _bridged_spans_ns(evidence: EventEvidence) -> list[tuple[int, int]]:
 def find_sensor_gaps(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the times in which a sensor without pause sends nothing."""
     positions = evidence.topics_of_roles((Role.EGO_POSITION,))
-    for topic in evidence.topics_of_roles(SENSOR_ROLES):
+    for topic in evidence.topics_of_roles(NEVER_PAUSING_SENSOR_ROLES):
         if topic in positions:
             continue
         for start_ns, end_ns in _gap_spans_ns(evidence.message_times_ns(topic), MIN_MESSAGE_GAP_S):

@@ -33,7 +33,7 @@ DEFAULT_VEHICLE_LENGTH_AND_WIDTH_M = (4.5, 1.8)
 """Length and width of vehicles of unknown size, m; chosen: the same as in the criticality measures."""
 ASSUMED_VEHICLE_HEIGHT_M = 1.5
 """Height of all vehicles, m; chosen: no message holds one."""
-MAX_INTERPOLATED_STATE_GAP_S = 1.0
+MAX_INTERPOLATED_TRACK_GAP_S = 1.0
 """Longest time between two states that is interpolated, s; chosen by hand."""
 TYPE_OTHER, TYPE_VEHICLE, VEHICLE_OTHER = 1, 2, 1
 """The values of MovingObject.Type and of VehicleClassification.Type that are used."""
@@ -165,8 +165,8 @@ def _interpolate_states(track: Track, at_ns: Int64Array) -> FloatArray:
     nothing = np.zeros(len(track.stamp_ns))
     motion = [nothing if each is None else np.nan_to_num(each) for each in (track.accel_mps2, track.yaw_rate_radps)]
     lines = np.stack([track.x_m, track.y_m, track.speed_mps, *motion], axis=1)
-    found = interpolate_signal_at_times(track.stamp_ns, lines, at_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S)
+    found = interpolate_signal_at_times(track.stamp_ns, lines, at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S)
     heading = interpolate_signal_at_times(
-        track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATED_STATE_GAP_S, is_angle=True
+        track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATED_TRACK_GAP_S, is_angle=True
     )
     return np.column_stack([found[:, :3], heading, found[:, 3:]])

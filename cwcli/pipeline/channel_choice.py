@@ -31,9 +31,9 @@ class ChannelChoice:
     patterns: tuple[str, ...] = ()
 
     @classmethod
-    def parse(cls, given: Iterable[str]) -> ChannelChoice:
+    def parse(cls, option_values: Iterable[str]) -> ChannelChoice:
         """Parse the values of `--channels`; each may name several topics, with commas between them."""
-        return cls(tuple(name.strip() for names in given for name in names.split(",")))
+        return cls(tuple(name.strip() for names in option_values for name in names.split(",")))
 
     def __bool__(self) -> bool:
         return bool(self.patterns)

@@ -31,30 +31,30 @@ MAX_NESTING_SEARCHED_FOR_FIELDS = 8
 """Greatest nesting of a message that is searched for fields. Chosen by hand."""
 
 
-def explain_unknown_channels(log: Log, why: dict[str, UnboundReason]) -> None:
+def complete_reasons_of_unknown_channels(log: Log, reasons: dict[str, UnboundReason]) -> None:
     """Complete the reasons of channels of unknown types by the fields of their first messages.
 
     Args:
-        why: Topic -> why it fills no role; changed in place.
+        reasons: Topic -> why it fills no role; changed in place.
     """
     schemas = {channel.topic: channel.schema_name for channel in log.channels}
-    unknown = [topic for topic, reason in why.items() if reason.why == UNKNOWN_TYPE_TEXT and not reason.fields]
-    diagnostics = [topic for topic in why if schemas[topic].endswith("/DiagnosticArray")]
+    unknown = [topic for topic, reason in reasons.items() if reason.why == UNKNOWN_TYPE_TEXT and not reason.fields]
+    diagnostics = [topic for topic in reasons if schemas[topic].endswith("/DiagnosticArray")]
     for topic in [*unknown, *diagnostics][:MAX_CHANNELS_READ_FOR_FIELDS]:
         try:
             trees = log.first_message_trees(topic, MAX_MESSAGES_READ_PER_CHANNEL, MAX_BYTES_OF_READ_MESSAGE)
         except InputError as error:
             if isinstance(error.__cause__, SchemaError):
-                why[topic] = UnboundReason(f"{why[topic].why}, and it can't be read: {error.what}")
+                reasons[topic] = UnboundReason(f"{reasons[topic].why}, and it can't be read: {error.what}")
             continue
         except CwcliError:  # the log is damaged, which the commands that need it say
             continue
         if topic in diagnostics:
             condition = warning_condition_of_diagnostics_or_empty(trees)
             tries = tuple(format_system_warning_command_if_readable(topic, condition)) if condition else ()
-            why[topic] = why[topic]._replace(tries=(*why[topic].tries, *tries))
+            reasons[topic] = reasons[topic]._replace(tries=(*reasons[topic].tries, *tries))
         elif kinds := field_kinds_of_trees(trees):
-            why[topic] = explain_unknown_type_by_fields(topic, kinds)
+            reasons[topic] = explain_unknown_type_by_fields(topic, kinds)
 
 
 def field_kinds_of_trees(trees: list[object]) -> dict[str, FieldKind]:
@@ -65,18 +65,18 @@ def field_kinds_of_trees(trees: list[object]) -> dict[str, FieldKind]:
     return found
 
 
-def _add_field_kinds(value: object, path: str, found: dict[str, FieldKind], depth: int) -> None:
+def _add_field_kinds(value: object, path: str, kind_by_path: dict[str, FieldKind], depth: int) -> None:
     """Add the leaf fields of a part of a message; those of lists of messages are left out."""
-    if len(found) >= MAX_FIELDS_LISTED_PER_MESSAGE or depth > MAX_NESTING_SEARCHED_FOR_FIELDS:
+    if len(kind_by_path) >= MAX_FIELDS_LISTED_PER_MESSAGE or depth > MAX_NESTING_SEARCHED_FOR_FIELDS:
         return
     if isinstance(value, dict):
         for name, part in value.items():
-            _add_field_kinds(part, f"{path}.{name}" if path else str(name), found, depth + 1)
+            _add_field_kinds(part, f"{path}.{name}" if path else str(name), kind_by_path, depth + 1)
     elif isinstance(value, bool) and path:
-        found.setdefault(path, "truth value")
+        kind_by_path.setdefault(path, "truth value")
     elif isinstance(value, int | float) and path:
-        found.setdefault(path, "number")
+        kind_by_path.setdefault(path, "number")
     elif isinstance(value, str) and path:
-        found.setdefault(path, "text")
+        kind_by_path.setdefault(path, "text")
     elif isinstance(value, list) and value and isinstance(value[0], int | float):
-        _add_field_kinds(value[0], f"{path}[0]", found, depth + 1)
+        _add_field_kinds(value[0], f"{path}[0]", kind_by_path, depth + 1)

@@ -87,7 +87,7 @@ class SignalCheck:
             )
         except MissingSignalError as error:
             if role == Role.EGO_POSITION:
-                return add_stations_to_error(error, log, given=self.ego_station)
+                return add_stations_to_error(error, log, ego_station=self.ego_station)
             return error
         return None
 

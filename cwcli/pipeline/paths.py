@@ -141,21 +141,21 @@ def _replanned_paths_match_log(log: Log, topic: str, planned: LazyPaths) -> bool
         found = read_predicted_paths(
             log.load_topics({topic: None}, logged=(first_ns, first_ns + SPAN_COMPARED_WITH_LOGGED_PATHS_NS))[topic]
         )
-        if not _are_found_paths_among_planned(planned, found):
+        if not _are_logged_paths_among_planned(planned, found):
             return False
     return True
 
 
-def _are_found_paths_among_planned(planned: LazyPaths, found: PredictedPaths) -> bool:
+def _are_logged_paths_among_planned(planned: LazyPaths, logged: PredictedPaths) -> bool:
     """Return whether every found path is planned too, with equal end points and covariances."""
     own = {name: rows[np.argsort(planned.stamp_ns[rows], kind="stable")] for name, rows in iter_rows_by_id(planned.ids)}
-    for name, rows in iter_rows_by_id(found.ids):
+    for name, rows in iter_rows_by_id(logged.ids):
         if name not in own:
             return False
-        place = np.searchsorted(planned.stamp_ns[own[name]], found.stamp_ns[rows])
-        if (place == len(own[name])).any() or (planned.stamp_ns[own[name][place]] != found.stamp_ns[rows]).any():
+        place = np.searchsorted(planned.stamp_ns[own[name]], logged.stamp_ns[rows])
+        if (place == len(own[name])).any() or (planned.stamp_ns[own[name][place]] != logged.stamp_ns[rows]).any():
             return False
-        again, said = planned.plan.take(own[name][place]), found.paths.take(rows)
+        again, said = planned.plan.take(own[name][place]), logged.paths.take(rows)
         if abs(again.time_s[-1] - said.time_s[-1]) > 1e-6:
             return False
         off_m = np.hypot(again.x_m[:, -1] - said.x_m[:, -1], again.y_m[:, -1] - said.y_m[:, -1])
@@ -166,9 +166,9 @@ def _are_found_paths_among_planned(planned: LazyPaths, found: PredictedPaths) ->
     return True
 
 
-def _covariances_match(again_m2: FloatArray, said_m2: FloatArray) -> bool:
+def _covariances_match(replanned_m2: FloatArray, logged_m2: FloatArray) -> bool:
     """Return whether plane covariances (n, 3) equal the published ones within the rounding of those."""
-    sigma_m = np.sqrt(np.abs(said_m2[:, [0, 2]]))
+    sigma_m = np.sqrt(np.abs(logged_m2[:, [0, 2]]))
     size_m2 = sigma_m[:, [0, 0, 1]] * sigma_m[:, [0, 1, 1]]
-    both_unknown = np.isnan(again_m2) & np.isnan(said_m2)
-    return bool((both_unknown | (np.abs(again_m2 - said_m2) <= SAME_VARIANCE_TOLERANCE * size_m2)).all())
+    both_unknown = np.isnan(replanned_m2) & np.isnan(logged_m2)
+    return bool((both_unknown | (np.abs(replanned_m2 - logged_m2) <= SAME_VARIANCE_TOLERANCE * size_m2)).all())

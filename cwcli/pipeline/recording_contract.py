@@ -139,11 +139,11 @@ def _condition_name_without_min_or_max(name: str) -> str:
     return name.partition("_")[2]
 
 
-def _compare_with_limit(about: str, name: str, limit: float, found: float) -> ConditionVerdict:
+def _compare_with_limit(about: str, name: str, limit: float, value: float) -> ConditionVerdict:
     """Compare a value with its limit; NaN meets no condition."""
-    size = abs(found) if "drift" in name else found
+    size = abs(value) if "drift" in name else value
     holds = size >= limit if name.startswith("min_") else size <= limit
-    shown = "not known" if math.isnan(found) else f"{found:.4g}"
+    shown = "not known" if math.isnan(value) else f"{value:.4g}"
     return ConditionVerdict(
         about,
         f"{_condition_name_without_min_or_max(name)} {'>=' if name.startswith('min_') else '<='} {limit:g}",

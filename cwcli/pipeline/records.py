@@ -123,17 +123,17 @@ def read_recorded_summary(record: Record) -> RecordedSummary:
     )
 
 
-def _texts_of_list_or_empty(found: Any) -> tuple[str, ...]:
+def _texts_of_list_or_empty(value: Any) -> tuple[str, ...]:
     """Return the texts in a list of the summary; () if it is none."""
-    return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
+    return tuple(text for text in value if isinstance(text, str)) if isinstance(value, list) else ()
 
 
-def _parse_summary_table_or_none(found: Any) -> SummaryTable | None:
+def _parse_summary_table_or_none(value: Any) -> SummaryTable | None:
     """Parse a table of the summary; return None if it is malformed."""
     try:
-        columns = tuple(str(name) for name in found["columns"])
-        rows = tuple(tuple(_parse_cell(cell) for cell in row) for row in found["rows"])
-        key, title = str(found["key"]), str(found["title"])
+        columns = tuple(str(name) for name in value["columns"])
+        rows = tuple(tuple(_parse_cell(cell) for cell in row) for row in value["rows"])
+        key, title = str(value["key"]), str(value["title"])
     except (KeyError, TypeError):
         return None
     return SummaryTable(key, title, columns, rows) if all(len(row) == len(columns) for row in rows) else None

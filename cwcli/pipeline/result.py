@@ -177,24 +177,24 @@ class StageResult:
         sections: tuple[SummaryTable, ...] = (),
         tables: Mapping[str, Table] | None = None,
         notes: tuple[str, ...] = (),
-        at: int | None = None,
+        note_index: int | None = None,
         verdict: str | None = None,
         entries: Mapping[str, str] | None = None,
     ) -> StageResult:
         """Return the result with the output of its evaluation, and without `evaluation_inputs`.
 
         Args:
-            sections, notes: Appended to those of the stage; the notes come after its first `at` notes, if given.
+            sections, notes: Appended to those of the stage; the notes at `note_index` of those, if given.
             tables: Added to those of the stage; one with the same name replaces it.
             verdict: Replaces that of the stage, if given.
             entries: Further entries of the record.
         """
         own = self.summary.notes
-        at = len(own) if at is None else at
+        note_index = len(own) if note_index is None else note_index
         summary = replace(
             self.summary,
             sections=(*self.summary.sections, *sections),
-            notes=(*own[:at], *(note for note in notes if note not in own), *own[at:]),
+            notes=(*own[:note_index], *(note for note in notes if note not in own), *own[note_index:]),
             verdict=self.summary.verdict if verdict is None else verdict,
         )
         return replace(

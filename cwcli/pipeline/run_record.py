@@ -32,7 +32,7 @@ class RunRecord(Mapping[str, str]):
         return len(self._entries)
 
 
-def build_run_record(stage: str, log: Log, config: Any, summary: StageSummary, **more: str) -> RunRecord:
+def build_run_record(stage: str, log: Log, config: Any, summary: StageSummary, **further_entries: str) -> RunRecord:
     """Build the record of one stage.
 
     Args:
@@ -40,7 +40,7 @@ def build_run_record(stage: str, log: Log, config: Any, summary: StageSummary, *
         log: Its input; the hash is that of the input file, whatever earlier stages of the run have added.
         config: The stage's resolved configuration, a dataclass.
         summary: The stage's summary, which gives the counts, tables, notes and verdict.
-        more: Further entries, e.g. the map's origin.
+        further_entries: Further entries, e.g. the map's origin.
     """
     entries = {
         "version": __version__,
@@ -49,6 +49,6 @@ def build_run_record(stage: str, log: Log, config: Any, summary: StageSummary, *
         INPUT_HASH_KEY: "",
         "counts": json.dumps(summary.to_json()["inputs"], sort_keys=True),
         **summary.to_record_entry(),
-        **more,
+        **further_entries,
     }
     return RunRecord(log, entries)

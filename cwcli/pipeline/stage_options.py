@@ -182,10 +182,10 @@ def _parse_option_value_within_bounds(option: Option, value: Any) -> Any:
     return option.parse(value) if option.parse else value
 
 
-def _replace_nested_fields(default: Any, given: Mapping[tuple[str, ...], Any]) -> Any:
+def _replace_nested_fields(default: Any, value_by_path: Mapping[tuple[str, ...], Any]) -> Any:
     """Replace fields of a configuration, also nested ones, by the values at their paths."""
-    changes = {path[0]: value for path, value in given.items() if len(path) == 1}
-    for name in dict.fromkeys(path[0] for path in given if len(path) > 1):
-        inside = {path[1:]: value for path, value in given.items() if len(path) > 1 and path[0] == name}
+    changes = {path[0]: value for path, value in value_by_path.items() if len(path) == 1}
+    for name in dict.fromkeys(path[0] for path in value_by_path if len(path) > 1):
+        inside = {path[1:]: value for path, value in value_by_path.items() if len(path) > 1 and path[0] == name}
         changes[name] = _replace_nested_fields(getattr(default, name), inside)
     return dataclasses.replace(default, **changes) if changes else default

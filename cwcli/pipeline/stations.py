@@ -22,13 +22,13 @@ MAX_STATIONS_IN_ERROR = 5
 
 
 def add_stations_to_error(
-    error: MissingSignalError, log: Log, *, given: str | None, topics: Collection[str] | None = None
+    error: MissingSignalError, log: Log, *, ego_station: str | None, topics: Collection[str] | None = None
 ) -> MissingSignalError:
     """Return the error with the V2X stations of the log, and a hint at the option that makes one of them the ego.
 
     Args:
         error: That the ego's position is missing or ambiguous.
-        given: The ego's station that the user named. If it was heard, another one is no way out, so there is no hint.
+        ego_station: The ego's station that the user named. If it was heard, no other is hinted at.
         topics: Only stations of these topics count; None for all.
 
     Returns:
@@ -45,7 +45,7 @@ def add_stations_to_error(
     )
     more = f" and {len(n_stations) - MAX_STATIONS_IN_ERROR} more" if len(n_stations) > MAX_STATIONS_IN_ERROR else ""
     first = n_stations.most_common(1)[0][0]
-    is_heard = given is not None and given.lower() in {station.lower() for station in n_stations}
+    is_heard = ego_station is not None and ego_station.lower() in {station.lower() for station in n_stations}
     return MissingSignalError(
         error.what,
         where=error.where,

@@ -30,7 +30,7 @@ class TurnEndingPaths:
 
     Attributes:
         selected: The paths without that end.
-        turned_rad: Shape (n,): by how much each start has turned already, see `left_turn_on_last_way_rad`.
+        turned_rad: Shape (n,): by how much each start has turned already, see `left_turn_on_last_stretch_rad`.
     """
 
     selected: SelectedPaths
@@ -49,7 +49,7 @@ class TurnEndingPaths:
         return end_turns_of_paths_at_quarter_turn(self.selected.take(rows), self.turned_rad[rows])
 
 
-def left_turn_on_last_way_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: FloatArray) -> FloatArray:
+def left_turn_on_last_stretch_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: FloatArray) -> FloatArray:
     """Compute by how much a car has turned to the left on its last `WAY_DRIVEN_IN_TURN_M`, (n,), from what was known
     then.
 

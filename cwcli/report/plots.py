@@ -24,8 +24,6 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
 from cwcli.text import shorten_and_escape
 
-PLOT_FORMATS = ("png", "svg")
-"""File formats of the plots."""
 RELATIVE_POSITION_ERROR_SPAN_S = 1.0
 """Time span of a relative position error, in s. Chosen by hand; not fitted."""
 FIGURE_WIDTH_IN = 9.0
@@ -202,7 +200,7 @@ def draw_plot(drive: Drive, plot_name: str, file_format: str) -> bytes:
 
     Args:
         plot_name: One of `PLOT_NAMES`.
-        file_format: One of `PLOT_FORMATS`.
+        file_format: One of `PLOT_FILE_FORMATS`.
 
     Raises:
         UsageError: matplotlib is not installed.

@@ -61,7 +61,7 @@ def _iter_sensor_remarks(results: RecordedSummary) -> Iterator[str]:
             f"The {quantity} of {source} came {abs(late_s):.2f} s {word} by its stamps; that is corrected, so the "
             f"estimate (blue) lies as far {side} what was measured (grey)."
         )
-    for source, bias_mps2, pitch_deg in _iter_pitched_imus(results):
+    for source, bias_mps2, pitch_deg in _iter_pitched_imu_bias_and_pitch(results):
         yield (
             f"The acceleration of {source} is off by {bias_mps2:.2f} m/s²: that of an IMU pitched by "
             f"{pitch_deg:.0f} degrees."
@@ -75,7 +75,7 @@ def sensor_remarks_sentence(drive: Drive) -> str:
         f"the {quantity} of {source} came {abs(late_s):.2f} s {'late' if late_s > 0.0 else 'early'} (corrected)"
         for source, quantity, late_s in _iter_late_sources(results)
     ]
-    said += [f"{source} is pitched by {pitch_deg:.0f} degrees" for source, _, pitch_deg in _iter_pitched_imus(results)]
+    said += [f"{imu} is pitched by {deg:.0f} degrees" for imu, _, deg in _iter_pitched_imu_bias_and_pitch(results)]
     return f"Of the sensors {join_names(said)}." if said else ""
 
 
@@ -89,7 +89,7 @@ def _iter_late_sources(results: RecordedSummary) -> Iterator[tuple[str, str, flo
             yield str(source), str(quantity), latency_ms / 1000.0
 
 
-def _iter_pitched_imus(results: RecordedSummary) -> Iterator[tuple[str, float, float]]:
+def _iter_pitched_imu_bias_and_pitch(results: RecordedSummary) -> Iterator[tuple[str, float, float]]:
     """Yield source, acceleration bias [m/s^2] and pitch [deg] of each IMU that is pitched more than a road."""
     for source, quantity, parameter, value in results.rows_of_table_columns_or_empty(
         "parameters", "source", "quantity", "parameter", "value +- sigma"

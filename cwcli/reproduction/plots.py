@@ -8,11 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import UsageError, install_hint
-from cwcli.output import AtomicGroup, write_file
+from cwcli.output import PLOT_FILE_FORMATS, AtomicGroup, write_file
 from cwcli.reproduction.findings import Curve, Plot
-
-PLOT_FORMATS = ("png", "svg")
-"""File formats of the plots."""
 
 
 def check_plot_format(file_format: str) -> None:
@@ -21,8 +18,8 @@ def check_plot_format(file_format: str) -> None:
     Raises:
         UsageError: As it says.
     """
-    if file_format not in PLOT_FORMATS:
-        raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(PLOT_FORMATS)}")
+    if file_format not in PLOT_FILE_FORMATS:
+        raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(PLOT_FILE_FORMATS)}")
 
 
 def require_matplotlib() -> None:

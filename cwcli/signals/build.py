@@ -13,7 +13,7 @@ from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns
 from cwcli.signals.input_rows import CAN_FRAME_SCHEMAS
 from cwcli.signals.inputs import find_input_for_role, normalise_schema_name
-from cwcli.signals.mapped_columns import add_quantities_of_channel, apply_mapping_and_tell_if_stamped
+from cwcli.signals.mapped_columns import add_other_channel_interpolated_and_note, apply_mapping_and_tell_if_stamped
 from cwcli.signals.mapping import FieldMapping
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
@@ -50,14 +50,14 @@ def build_bound_signal(
     columns: Columns,
     reading: Reading,
     mapping: FieldMapping | None = None,
-    parts: Sequence[tuple[Columns, FieldMapping]] = (),
+    further_channels: Sequence[tuple[Columns, FieldMapping]] = (),
 ) -> tuple[Signal, Quality]:
     """Build the canonical signal of a bound channel.
 
     Args:
         entry: The registry's row that reads the channel, or the message that a mapping makes of it.
         mapping: The user's mapping of its fields to the role's quantities, or None.
-        parts: Channels that hold the quantities behind these, and which of their fields they are.
+        further_channels: Channels that hold the quantities behind these, and which of their fields they are.
 
     Raises:
         ValueError: There is no row, or no builder in it (a bug of the caller).
@@ -66,7 +66,7 @@ def build_bound_signal(
     if entry is None or entry.build is None:
         raise ValueError(f"{columns.topic}: no builder for {columns.schema_name} as {reading.role}")
     if mapping is not None:
-        return _build_mapped_signal(columns, reading, mapping, parts, build=entry.build)
+        return _build_mapped_signal(columns, reading, mapping, further_channels, build=entry.build)
     return entry.build(columns, reading)
 
 
@@ -74,7 +74,7 @@ def _build_mapped_signal(
     columns: Columns,
     reading: Reading,
     mapping: FieldMapping,
-    parts: Sequence[tuple[Columns, FieldMapping]] = (),
+    further_channels: Sequence[tuple[Columns, FieldMapping]] = (),
     *,
     build: Build,
 ) -> tuple[Signal, Quality]:
@@ -82,9 +82,9 @@ def _build_mapped_signal(
     columns, mapping, frames = _decode_if_can_frames(columns, mapping)
     mapped, is_stamped = apply_mapping_and_tell_if_stamped(columns, mapping)
     notes = []
-    for each, of_part in parts:
+    for each, of_part in further_channels:
         further, said, of_frames = _decode_if_can_frames(each, of_part)
-        mapped, note = add_quantities_of_channel(mapped, is_stamped, further, said)
+        mapped, note = add_other_channel_interpolated_and_note(mapped, is_stamped, further, said)
         notes += [note, *(of_frames.notes if of_frames is not None else ())]
     how = replace(reading, is_override=True, clock=reading.clock if is_stamped else "log")
     signal, quality = build(mapped, how)

@@ -82,18 +82,18 @@ class Timeline:
 
 
 def build_signal_and_quality(
-    kind: Callable[..., SignalT], ledger: RowLedger, timeline: Timeline, **quantities: FloatArray
+    signal_class: Callable[..., SignalT], ledger: RowLedger, timeline: Timeline, **quantities: FloatArray
 ) -> tuple[SignalT, Quality]:
     """Return the signal of the rows in use and the account of all.
 
     Args:
-        kind: Makes the signal from its source, its times and its quantities.
+        signal_class: Makes the signal from its source, its times and its quantities.
         quantities: One row for each of the channel's n messages.
     """
     rows, columns = timeline.rows, ledger.columns
     values = {name: each[rows] for name, each in quantities.items()}
     times = {"stamp_ns": timeline.stamp_ns, "log_time_ns": columns.log_time_ns[rows]}
-    return kind(source=columns.topic, **times, **values), ledger.quality
+    return signal_class(source=columns.topic, **times, **values), ledger.quality
 
 
 def repair_and_order_times(
@@ -196,7 +196,7 @@ def find_stamp_gaps(
     return tuple(gap for gap in (before, *gaps, after) if gap.duration_s > min_gap_s)
 
 
-def lines_about_channels_with_other_clock(
+def lines_on_channels_with_other_clock(
     qualities: Sequence[Quality], *, tolerance_s: float = MAX_CLOCK_STEP_S
 ) -> tuple[str, ...]:
     """Return a line for each channel whose stamps count from another epoch than the others' (a time since boot, not

@@ -58,7 +58,7 @@ DETECTION_INPUTS: dict[str, tuple[Input, ...]] = {
             *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
             "detections.results.pose.covariance",
         ),
-        detections="detections.build_boxes",
+        detections="detections.build_vision_boxes",
     ),
     **{
         f"{package}/{name}": inputs_of_message(_AUTOWARE_OBJECT_FIELDS, rank, detections="detections.build_autoware")
@@ -69,8 +69,8 @@ DETECTION_INPUTS: dict[str, tuple[Input, ...]] = {
     # what is drawn for viewers counts only where no sensor reports for itself
     **dict.fromkeys(
         ("foxglove.SceneUpdate", "foxglove_msgs/SceneUpdate"),
-        inputs_of_message(_CUBE_FIELDS, 3, detections="detections.build_cubes"),
+        inputs_of_message(_CUBE_FIELDS, 3, detections="detections.build_scene_cubes"),
     ),
-    "cwcli.Detections": inputs_of_message(_JSON_DETECTION_FIELDS, detections="detections.build_json"),
+    "cwcli.Detections": inputs_of_message(_JSON_DETECTION_FIELDS, detections="detections.build_json_detections"),
 }
 """The registry rows of messages with detections, by schema name."""

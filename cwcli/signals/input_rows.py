@@ -57,14 +57,14 @@ def load_attribute_of_signals(name: str) -> Any:
     return import_module_attribute(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
 
-def builder_loaded_at_first_call(*places: str) -> Build:
+def builder_imported_at_first_call(*builder_and_first_arguments: str) -> Build:
     """Return the builder at the first place, `module.name` of this package, which takes what is at the others first.
 
     All are imported when a channel is built, because binding (`cwcli info`) needs no NumPy.
     """
 
     def call_builder(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        function, *first_arguments = map(load_attribute_of_signals, places)
+        function, *first_arguments = map(load_attribute_of_signals, builder_and_first_arguments)
         built: tuple[Signal, Quality] = function(*first_arguments, columns, reading)
         return built
 
@@ -74,14 +74,14 @@ def builder_loaded_at_first_call(*places: str) -> Build:
 def inputs_of_message(fields: Fields, rank: int | None = 0, **builder_by_role: str) -> tuple[Input, ...]:
     """Return the registry rows of a message; `builder_by_role` has each role's function of `builders`."""
     return tuple(
-        Input(Role[role.upper()], fields, builder_loaded_at_first_call(f"builders.{name}"), rank=rank)
+        Input(Role[role.upper()], fields, builder_imported_at_first_call(f"builders.{name}"), rank=rank)
         for role, name in builder_by_role.items()
     )
 
 
 def inputs_of_receiver_message(fields: Fields, rank: int | None, reader: str, *roles: Role) -> tuple[Input, ...]:
     """Return the registry rows of a message that `builders.<reader>` reads as a `GnssFix`: one for each role."""
-    build = builder_loaded_at_first_call("builders.gnss.build_signal_of_fix", f"builders.{reader}")
+    build = builder_imported_at_first_call("builders.gnss.build_signal_of_fix", f"builders.{reader}")
     return tuple(Input(role, fields, build, rank=rank) for role in roles)
 
 
@@ -109,7 +109,7 @@ class LazyFields(Mapping[str, tuple[str, ...]]):
         return len(self._encodings)
 
 
-def is_gnss_twist_topic(topic: str) -> bool:
+def does_topic_name_receiver(topic: str) -> bool:
     """Return whether a topic's twist is taken for a velocity over ground before its frame_id is known."""
     return not GNSS_TOPIC_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
@@ -121,7 +121,7 @@ def is_measured_pose_topic(topic: str) -> bool:
 
 def is_body_twist_topic(topic: str) -> bool:
     """Return whether a topic's twist is taken for a body twist before its frame_id is known."""
-    return not is_gnss_twist_topic(topic)
+    return not does_topic_name_receiver(topic)
 
 
 def is_target_truth_topic(topic: str) -> bool:

@@ -17,13 +17,13 @@ from cwcli.signals.input_rows import (
     ODOMETRY_RANK,
     OWN_V2X_RANK,
     LazyFields,
-    builder_loaded_at_first_call,
+    builder_imported_at_first_call,
+    does_topic_name_receiver,
     foxglove_leaf_fields,
     header_free_leaf_fields,
     inputs_of_message,
     is_body_twist_topic,
     is_ego_truth_topic,
-    is_gnss_twist_topic,
     is_measured_pose_topic,
     is_target_truth_topic,
     quaternion_leaf_paths,
@@ -65,27 +65,27 @@ def _schema_names_of_foxglove_messages(*names: str) -> tuple[str, ...]:
 
 
 def _fix_inputs(fields: Fields) -> tuple[Input, ...]:
-    build = builder_loaded_at_first_call("builders.position.build_fix")
+    build = builder_imported_at_first_call("builders.position.build_fix")
     return (Input(Role.EGO_POSITION, fields, build), Input(Role.TRUTH, fields, build, fits_topic=is_ego_truth_topic))
 
 
 def _twist_inputs(fields: Fields) -> tuple[Input, ...]:
-    build = builder_loaded_at_first_call("builders.motion.build_twist")
+    build = builder_imported_at_first_call("builders.motion.build_twist")
     return (
-        Input(Role.EGO_VELOCITY, fields, build, fits_topic=is_gnss_twist_topic),
+        Input(Role.EGO_VELOCITY, fields, build, fits_topic=does_topic_name_receiver),
         Input(Role.EGO_SPEED, fields, build, fits_topic=is_body_twist_topic),
     )
 
 
-def _pose_inputs(fields: Fields, after: int = 0) -> tuple[Input, ...]:
+def _pose_inputs(fields: Fields, first_rank: int = 0) -> tuple[Input, ...]:
     build, build_target = (
-        builder_loaded_at_first_call("builders.pose.build_pose"),
-        builder_loaded_at_first_call("builders.targets.build_pose_truth"),
+        builder_imported_at_first_call("builders.pose.build_pose"),
+        builder_imported_at_first_call("builders.targets.build_pose_truth"),
     )
     return (
-        Input(Role.TRUTH, fields, build, rank=after, fits_topic=is_ego_truth_topic),
-        Input(Role.TARGET_TRUTH, fields, build_target, rank=after, fits_topic=is_target_truth_topic),
-        Input(Role.EGO_POSITION, fields, build, rank=ODOMETRY_RANK + after, fits_topic=is_measured_pose_topic),
+        Input(Role.TRUTH, fields, build, rank=first_rank, fits_topic=is_ego_truth_topic),
+        Input(Role.TARGET_TRUTH, fields, build_target, rank=first_rank, fits_topic=is_target_truth_topic),
+        Input(Role.EGO_POSITION, fields, build, rank=ODOMETRY_RANK + first_rank, fits_topic=is_measured_pose_topic),
     )
 
 
@@ -99,8 +99,8 @@ def _vehicle_state_inputs() -> tuple[Input, ...]:
     motion = ("x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps")
     fields = {"protobuf": ("stamp_ns", "id", *motion, "latitude_deg", "longitude_deg")}
     build, build_target = (
-        builder_loaded_at_first_call("builders.pose.build_vehicle_state"),
-        builder_loaded_at_first_call("builders.targets.build_state_truth"),
+        builder_imported_at_first_call("builders.pose.build_vehicle_state"),
+        builder_imported_at_first_call("builders.targets.build_state_truth"),
     )
     return (
         Input(Role.TRUTH, fields, build, fits_topic=is_ego_truth_topic),
@@ -119,9 +119,9 @@ def _imu_inputs() -> tuple[Input, ...]:
 
 
 _OWN_BUILDER_NAMES_BY_ROLE = {
-    Role.EGO_POSITION: "build_own_position",
-    Role.EGO_SPEED: "build_own_speed",
-    Role.EGO_HEADING: "build_own_heading",
+    Role.EGO_POSITION: "build_ego_position",
+    Role.EGO_SPEED: "build_ego_speed",
+    Role.EGO_HEADING: "build_ego_heading",
 }
 """The function of `builders.v2x` that builds the signal, by role of the ego."""
 
@@ -132,19 +132,19 @@ def _v2x_inputs(codec: str, fields: Fields, *, says_who_is_ego: bool = False) ->
         Input(
             role,
             fields,
-            builder_loaded_at_first_call(f"builders.v2x.{name}", codec),
+            builder_imported_at_first_call(f"builders.v2x.{name}", codec),
             rank=OWN_V2X_RANK,
             needs_ego_station=not says_who_is_ego,
         )
         for role, name in _OWN_BUILDER_NAMES_BY_ROLE.items()
     )
-    return (Input(Role.REMOTE, fields, builder_loaded_at_first_call("builders.v2x.build_remote", codec)), *own)
+    return (Input(Role.REMOTE, fields, builder_imported_at_first_call("builders.v2x.build_remote", codec)), *own)
 
 
 def _perceived_object_inputs(codec: str, fields: Fields) -> tuple[Input, ...]:
     """Return the registry row of a schema whose messages tell of other objects or events only."""
-    return (
-        Input(Role.REMOTE, fields, builder_loaded_at_first_call("builders.v2x.build_remote", codec), is_additive=True),
+    return Input(
+        Role.REMOTE, fields, builder_imported_at_first_call("builders.v2x.build_remote", codec), is_additive=True
     )
 
 
@@ -171,23 +171,23 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     ),
     # without a header, and often what was commanded
     "geometry_msgs/Twist": inputs_of_message(
-        header_free_leaf_fields("linear.x", "angular.z"), None, ego_speed="motion.build_plain_twist"
+        header_free_leaf_fields("linear.x", "angular.z"), None, ego_speed="motion.build_speed_from_unstamped_twist"
     ),
     "geometry_msgs/TwistWithCovariance": inputs_of_message(
         header_free_leaf_fields("twist.linear.x", "twist.angular.z", "covariance"),
         None,
-        ego_speed="motion.build_plain_twist",
+        ego_speed="motion.build_speed_from_unstamped_twist",
     ),
     **dict.fromkeys(
         ("std_msgs/Float32", "std_msgs/Float64"),
-        inputs_of_message(header_free_leaf_fields("data"), None, ego_speed="motion.build_plain_speed"),
+        inputs_of_message(header_free_leaf_fields("data"), None, ego_speed="motion.build_speed_from_unstamped_float"),
     ),
     "geometry_msgs/QuaternionStamped": inputs_of_message(
         ros_leaf_fields(*quaternion_leaf_paths("quaternion")), ego_heading="motion.build_quaternion_heading"
     ),
     "geometry_msgs/PoseStamped": _pose_inputs(ros_leaf_fields(*_POSE_PATHS)),
     # a localisation publishes it beside its odometry
-    "geometry_msgs/PoseWithCovarianceStamped": _pose_inputs(ros_leaf_fields(*_POSE_COVARIANCE_PATHS), after=1),
+    "geometry_msgs/PoseWithCovarianceStamped": _pose_inputs(ros_leaf_fields(*_POSE_COVARIANCE_PATHS), first_rank=1),
     "nav_msgs/Odometry": _odometry_inputs(),
     **dict.fromkeys(
         _schema_names_of_foxglove_messages("PoseInFrame"), _pose_inputs(foxglove_leaf_fields(*_POSE_PATHS))

@@ -69,8 +69,8 @@ def read_mapped_values(columns: Columns, mapping: FieldMapping) -> dict[str, Flo
     }
 
 
-def add_quantities_of_channel(
-    mapped: Columns, is_stamped: bool, columns: Columns, part: FieldMapping
+def add_other_channel_interpolated_and_note(
+    mapped: Columns, is_stamped: bool, other_channel: Columns, other_mapping: FieldMapping
 ) -> tuple[Columns, str]:
     """Add the quantities of another channel at the columns' times; return the columns and a note.
 
@@ -80,11 +80,11 @@ def add_quantities_of_channel(
     Raises:
         UsageError: A field is not there, or holds no numbers.
     """
-    values = read_mapped_values(columns, part)
-    stamp_ns, has_stamp = _read_mapped_stamps_ns_and_is_given(columns, part)
+    values = read_mapped_values(other_channel, other_mapping)
+    stamp_ns, has_stamp = _read_mapped_stamps_ns_and_is_given(other_channel, other_mapping)
     own_ns, own_has = read_stamps(mapped)
     is_by_stamp = is_stamped and bool(has_stamp.any())
-    their_ns = np.where(has_stamp, stamp_ns, columns.log_time_ns) if is_by_stamp else columns.log_time_ns
+    their_ns = np.where(has_stamp, stamp_ns, other_channel.log_time_ns) if is_by_stamp else other_channel.log_time_ns
     at_ns = np.where(own_has, own_ns, mapped.log_time_ns) if is_by_stamp else mapped.log_time_ns
     order = np.argsort(their_ns, kind="stable")
     steps_s = np.diff(their_ns[order]) / NS_PER_S
@@ -92,7 +92,7 @@ def add_quantities_of_channel(
         MAX_INTERPOLATED_GAP_IN_USUAL_STEPS * median_of_values(steps_s[steps_s > 0.0]) if (steps_s > 0.0).any() else 0.0
     )
     fields: dict[str, Field] = dict(mapped.fields)
-    kinds = MAPPED_QUANTITIES_BY_ROLE[part.role].fields
+    kinds = MAPPED_QUANTITIES_BY_ROLE[other_mapping.role].fields
     for name, each in values.items():
         turn = np.pi / 180.0 if kinds[name] == "place" else 1.0  # a longitude goes on from 180 to -180 degrees
         at = interpolate_signal_at_times(
@@ -100,7 +100,7 @@ def add_quantities_of_channel(
         )
         fields[name] = at / turn
     time = "the time of the messages" if is_by_stamp else "log time"
-    note = f"{', '.join(values)} of {part.topic} ({len(columns)} messages), interpolated by {time}"
+    note = f"{', '.join(values)} of {other_mapping.topic} ({len(other_channel)} messages), interpolated by {time}"
     return replace(mapped, fields=fields), note
 
 

@@ -144,7 +144,7 @@ class FieldMapping:
         return tuple(MAPPED_QUANTITIES_BY_ROLE[self.role].fields)[self.first : self.first + len(self.terms)]
 
     @property
-    def count_given_quantities(self) -> int:
+    def n_given_quantities(self) -> int:
         """Return how many of the role's quantities the mapping and its parts give."""
         return len(self.terms) + sum(len(part.terms) for part in self.parts)
 
@@ -198,7 +198,7 @@ def parse_field_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
         )
     sources: list[FieldMapping] = []
     for one in text.split(MAPPING_SEPARATOR):
-        n_before = sources[-1].count_given_quantities if sources else quantities.n_needed
+        n_before = sources[-1].n_given_quantities if sources else quantities.n_needed
         n_left_out = len(found.group(1)) if (found := re.search(r":\s*(,+)", one)) else 0
         if n_left_out and (not sources or n_left_out != n_before):
             raise UsageError(
@@ -211,10 +211,10 @@ def parse_field_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
         else:
             sources.append(_parse_channel_mapping(role, one.strip(), quantities, 0))
     for source in sources:
-        if source.count_given_quantities < quantities.n_needed:
+        if source.n_given_quantities < quantities.n_needed:
             field_names = ", ".join(quantities.fields)
             raise UsageError(
-                f"--map {role}={source.text}: {source.count_given_quantities} fields for {field_names}",
+                f"--map {role}={source.text}: {source.n_given_quantities} fields for {field_names}",
                 hint="separate them by commas, or give --map once more for those of another channel",
             )
     topics = [source.topic for source in sources]

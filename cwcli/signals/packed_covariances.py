@@ -197,11 +197,11 @@ def _min_unexplained_variance_shares(correlation: FloatArray, k: int) -> FloatAr
     try:
         factors = np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
-        return np.array([_min_own_variance_share(matrix) for matrix in matrices])
+        return np.array([_min_unexplained_variance_share(matrix) for matrix in matrices])
     return np.asarray(np.einsum("nkk->nk", factors).min(axis=1) ** 2)
 
 
-def _min_own_variance_share(matrix: FloatArray) -> float:
+def _min_unexplained_variance_share(matrix: FloatArray) -> float:
     try:
         return float(np.diagonal(np.linalg.cholesky(matrix)).min() ** 2)
     except np.linalg.LinAlgError:

@@ -85,12 +85,12 @@ def shift_wgs84_positions(
     return latitude_deg + np.rad2deg(d_north), np.where(is_beyond, (longitude + 180.0) % 360.0 - 180.0, longitude)
 
 
-def add_position_covariances(sender_m2: FloatArray, own_m2: FloatArray) -> FloatArray:
+def add_position_covariances(sender_m2: FloatArray, offset_m2: FloatArray) -> FloatArray:
     """Add the covariances (n, 3) of reference position and offset; NaN where the offset's is not given.
 
     A sender whose own position has no covariance counts with that of the offset alone.
     """
-    return own_m2 + np.where(np.isnan(sender_m2), 0.0, sender_m2)
+    return offset_m2 + np.where(np.isnan(sender_m2), 0.0, sender_m2)
 
 
 def make_object_rows(

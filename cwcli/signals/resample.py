@@ -14,6 +14,8 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 Method = Literal["linear", "previous", "nearest"]
+MAX_INTERPOLATED_STATE_GAP_S = 0.5
+"""Longest gap between two states of a vehicle, in seconds, over which it is interpolated. Chosen by hand."""
 MAX_NEIGHBOUR_DISTANCE_S = 0.5
 """The largest distance in time to either neighbour, in seconds, across which a value is interpolated. Chosen by hand;
 not fitted."""
@@ -79,16 +81,16 @@ def _interpolate_linearly(
     stamps: Int64Array,
     samples: FloatArray,
     at_ns: Int64Array,
-    before: npt.NDArray[np.intp],
+    index_before: npt.NDArray[np.intp],
     max_gap_ns: float,
     *,
     is_angle: bool,
 ) -> FloatArray:
-    left, right = _clip_to_neighbour_indices(before, stamps), _clip_to_neighbour_indices(before + 1, stamps)
+    left, right = _clip_to_neighbour_indices(index_before, stamps), _clip_to_neighbour_indices(index_before + 1, stamps)
     gap_ns = stamps[right] - stamps[left]
     since_ns = at_ns - stamps[left]
-    is_exact = (before >= 0) & (since_ns == 0)
-    is_between = (before >= 0) & (before + 1 < len(stamps)) & (gap_ns <= max_gap_ns)
+    is_exact = (index_before >= 0) & (since_ns == 0)
+    is_between = (index_before >= 0) & (index_before + 1 < len(stamps)) & (gap_ns <= max_gap_ns)
     change = samples[right] - samples[left]
     if is_angle:
         change = wrap_angle(change)
@@ -100,9 +102,9 @@ def _interpolate_linearly(
 
 
 def _nearest_sample_indices(
-    stamps: Int64Array, at_ns: Int64Array, before: npt.NDArray[np.intp]
+    stamps: Int64Array, at_ns: Int64Array, index_before: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.intp]:
-    left, right = _clip_to_neighbour_indices(before, stamps), _clip_to_neighbour_indices(before + 1, stamps)
+    left, right = _clip_to_neighbour_indices(index_before, stamps), _clip_to_neighbour_indices(index_before + 1, stamps)
     return np.where(np.abs(stamps[right] - at_ns) < np.abs(at_ns - stamps[left]), right, left)
 
 

@@ -104,7 +104,7 @@ class _Candidates:
     distance: FloatArray
 
 
-def join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> StitchedSignal:
+def join_changed_station_ids(signal: RemoteSignal, local_map: LocalMap | None) -> StitchedSignal:
     """Join the ids of vehicles that changed theirs.
 
     Args:
@@ -259,18 +259,18 @@ def _sizes_agree_or_unknown_mask(one_m: FloatArray, other_m: FloatArray) -> Bool
     return ~differs
 
 
-def _follower_of_each_id_and_unclear_count(found: _Candidates, n_ids: int) -> tuple[Int64Array, int]:
+def _follower_of_each_id_and_unclear_count(candidates: _Candidates, n_ids: int) -> tuple[Int64Array, int]:
     """Return the follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
 
     The likeliest pairing of all that ended with all that began, where to be alone costs what can't rival a candidate. A
     pair counts where the likeliest pairing without it is less likely by the stated margin.
     """
     follower = np.full(n_ids, -1, np.int64)
-    is_good = found.distance <= MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2
+    is_good = candidates.distance <= MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2
     has_ended, has_begun = np.zeros((2, n_ids), np.bool_)
-    has_ended[found.ended[is_good]] = has_begun[found.began[is_good]] = True
-    counts = has_ended[found.ended] & has_begun[found.began]
-    ended, began, distance = found.ended[counts], found.began[counts], found.distance[counts]
+    has_ended[candidates.ended[is_good]] = has_begun[candidates.began[is_good]] = True
+    counts = has_ended[candidates.ended] & has_begun[candidates.began]
+    ended, began, distance = candidates.ended[counts], candidates.began[counts], candidates.distance[counts]
     is_alone = (np.bincount(ended, minlength=n_ids)[ended] == 1) & (np.bincount(began, minlength=n_ids)[began] == 1)
     is_clear = is_alone & (
         distance <= MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2

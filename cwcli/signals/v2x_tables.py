@@ -63,7 +63,7 @@ class MessageTable:
 def load_message_table(message: str, standard: str) -> MessageTable:
     """Read the table of a message with the data elements of `etsi` or `sae`."""
     known = load_elements(standard)
-    rows = _read_rows(message)
+    rows = _read_table_rows(message)
     elements = {row["quantity"]: known[row["element"]] for row in rows if row["element"]}
     encodings = [name for name in rows[0] if name not in ("quantity", "element")]
     containers: dict[str, dict[str, str]] = {name: {} for name in encodings}
@@ -92,11 +92,11 @@ def load_elements(standard: str) -> dict[str, Element]:
             tuple(map(int, row["unavailable"].split())),
             tuple(map(int, row["out_of_range"].split())),
         )
-        for row in _read_rows(f"{standard}_elements")
+        for row in _read_table_rows(f"{standard}_elements")
     }
 
 
-def _read_rows(name: str) -> list[dict[str, str]]:
+def _read_table_rows(name: str) -> list[dict[str, str]]:
     """Return the rows of a table as column -> cell; cells that a line leaves out at its end are empty."""
     lines = (_TABLES_FOLDER / f"{name}.csv").read_text(encoding="utf-8").splitlines()
     head, *rows = ([cell.strip() for cell in line.split(",")] for line in lines)

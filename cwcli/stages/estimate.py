@@ -376,7 +376,7 @@ def _check_topics_of_options(estimator: EstimatorConfig, log: Log) -> None:
                 )
 
 
-def _count_corrections(
+def _add_corrections_to_input_counts(
     inputs: Sequence[InputMessageCount], corrections: Sequence[Correction]
 ) -> tuple[InputMessageCount, ...]:
     """Return the counts with the rows that were corrected as repaired, and those that were left out as set aside."""
@@ -426,7 +426,7 @@ def _build_summary(
     if estimator.takes_no_online_parameter_from_log:
         notes += [
             f"the online states use {each.who} as it is, because they may depend on no later message"
-            + _hint_to_correct(each, corrections)
+            + _hint_for_online_states(each, corrections)
             for each in corrections
             if not each.is_by_user and not each.n_set_aside
         ]
@@ -441,7 +441,7 @@ def _build_summary(
     return StageSummary(
         "estimate",
         (*estimate_tables(tracks), online_states_table(online)),
-        (*_count_corrections(sources.input_message_counts(), corrections), *transforms),
+        (*_add_corrections_to_input_counts(sources.input_message_counts(), corrections), *transforms),
         tuple(dict.fromkeys(notes)),
         consistency_verdict_sentence(tracks[EGO_ID]),
         tuple(each.contradiction_sentence for each in tracks[EGO_ID].contradictions),
@@ -453,7 +453,7 @@ def _build_summary(
     )
 
 
-def _hint_to_correct(correction: Correction, corrections: Sequence[Correction]) -> str:
+def _hint_for_online_states(correction: Correction, corrections: Sequence[Correction]) -> str:
     """Return which option corrects the online states, too; "" where a fault of the source has no name for `--as`.
 
     The option names all faults of the source, because what it does not name is then left as it is.

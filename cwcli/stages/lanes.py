@@ -35,12 +35,12 @@ from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.camera import (
     CameraSource,
+    find_camera_mounting,
     find_camera_source,
-    find_mounting,
     iter_camera_frames,
     span_without_stray_frames,
 )
-from cwcli.stages.inputs.frame_motion import MotionSeries, read_motion
+from cwcli.stages.inputs.frame_motion import MotionSeries, read_ego_motion
 from cwcli.stages.summaries.lanes import lanes_summary_table, lanes_table
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
 from cwcli.vision.fit_columns import FitCollector
@@ -177,10 +177,10 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     topic = bound.by_role[Role.CAMERA][0].topic
     check_render_topic_is_free(log, config.render, topic)
     choice, calibrated = _mounting_with_calibrated_pitch(config, topic)
-    mount = find_mounting(log, _camera_frame_id(log, topic), choice)
+    mount = find_camera_mounting(log, _camera_frame_id(log, topic), choice)
     config = replace(config, mounting=mount.mounting)
     source = find_camera_source(log, topic, config.topics, mount.mounting, config.field_of_view_rad)
-    motion = read_motion(log, config.topics, config.calibration) if method.uses_motion else MotionSeries()
+    motion = read_ego_motion(log, config.topics, config.calibration) if method.uses_motion else MotionSeries()
     is_rectified = method.is_rectified and source.needs_rectifying()
     run = _LaneSearchRun(method, config.seed, source, motion, is_rectified=is_rectified)
     usual = span_without_stray_frames(log, topic, config)

@@ -45,7 +45,7 @@ EXAMPLES = (
     "cwcli lanes drive.mcap -o - | cwcli observe - -o observed.mcap",
 )
 """Command lines that the help of `cwcli observe` shows."""
-SENSOR_ROLES = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
+OBSERVER_SENSOR_ROLES = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 """Roles of the ego's own sensors that the observer may use."""
 
 
@@ -136,7 +136,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         log,
         config,
         command="observe",
-        optional=SENSOR_ROLES,
+        optional=OBSERVER_SENSOR_ROLES,
         also=own,
         fields=READ_FIELDS_BY_ROLE,
     )
@@ -195,10 +195,10 @@ def _no_speed_error(log: Log, config: ObserveConfig) -> MissingSignalError:
 
 
 def _build_notes(
-    own: Bindings, inputs: ObserverInputs, track: LateralTrack, vehicle: Vehicle, config: ObserveConfig
+    bound: Bindings, inputs: ObserverInputs, track: LateralTrack, vehicle: Vehicle, config: ObserveConfig
 ) -> tuple[str, ...]:
     """Return the notes on the inputs, the car and the frames."""
-    notes = [*own.notes, *inputs.notes, *track.notes]
+    notes = [*bound.notes, *inputs.notes, *track.notes]
     if config.vehicle is None:
         notes.append(f"no vehicle file was given: the bundled car {vehicle.name} is assumed (--vehicle FILE)")
     critical_mps = critical_speed_mps(vehicle)

@@ -219,11 +219,11 @@ def _read_ego_states(
     return states.sort_by_stamp_without_repeats(), (count,)
 
 
-def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:
+def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], mode: str, config: TrackConfig) -> list[str]:
     """Return the notes on the tracker's choice, the sensors and the innovations."""
     notes = list(result.notes)
     if config.targets == "auto":
-        notes.append(f"tracked as {how} target{'s' if how == 'many' else ''} (--targets one|many sets it)")
+        notes.append(f"tracked as {mode} target{'s' if mode == 'many' else ''} (--targets one|many sets it)")
     kinds = {signal.kind for signal in signals}
     if {"radar", "radar_track"} <= kinds:
         names = [signal.source for signal in signals if signal.kind != "position"]

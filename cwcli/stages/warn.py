@@ -25,7 +25,7 @@ from cwcli.pipeline.states import (
 )
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import read_bound_columns
-from cwcli.stages.inputs.vehicles import build_vehicle_tracks, predict_paths_like, require_single_ego
+from cwcli.stages.inputs.vehicles import build_vehicle_tracks, predict_paths_with_settings_of, require_single_ego
 from cwcli.stages.summaries.warn import WARNING_NUMBER_HEADING, RuleOutcome, build_warnings_result
 from cwcli.text import split_distinct_names
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
@@ -162,7 +162,7 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
     if TARGETS.role in columns:
         everything = read_targets_as_states(columns[TARGETS.role])
         states = everything.select_logged_within(config.start_ns, config.end_ns)
-        paths = predict_paths_like(states, predicted[EGO_PATH.role], where=log.name)
+        paths = predict_paths_with_settings_of(states, predicted[EGO_PATH.role], where=log.name)
         tracks[REMOTE_STATE.role] = build_vehicle_tracks(states, paths, with_onset=uses_onset)
         inputs.append(InputMessageCount(columns[TARGETS.role].topic, TARGETS.role, len(everything), len(states)))
     others_tracks = tracks[REMOTE_STATE.role]
@@ -182,7 +182,7 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
     return replace(result, evaluation_inputs=WarningEvidence(found, outcomes, earlier))
 
 
-def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) -> tuple[SummaryTable, ...]:
+def _warnings_tables(found_warnings: FoundWarnings, start_ns: int, config: WarnConfig) -> tuple[SummaryTable, ...]:
     """Return the tables of a rule's warnings and of what became of its evaluations."""
     events: tuple[tuple[Cell, ...], ...] = tuple(
         (
@@ -192,7 +192,7 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
             event["time_to_event_s"],
             event["predicted_distance_m"],
         )
-        for event in found.events_table.rows_as_dicts()
+        for event in found_warnings.events_table.rows_as_dicts()
     )
     columns = (
         WARNING_NUMBER_HEADING,
@@ -204,14 +204,14 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
     names = ("event", "vehicle", "at [s]", "event in [s]", "predicted closest [m]")
     counts: tuple[tuple[Cell, ...], ...] = tuple(
         (CellWithValues(TEXT_BY_EVALUATION_OUTCOME[name], {"": name.replace("_", " ")}), count)
-        for name, count in found.evaluation_counts_by_outcome.items()
+        for name, count in found_warnings.evaluation_counts_by_outcome.items()
     )
-    counts += (("warnings withheld", found.n_withheld),)
-    for kind, n in found.n_left_out.items():
+    counts += (("warnings withheld", found_warnings.n_withheld),)
+    for kind, n in found_warnings.n_left_out.items():
         name = kind.name_in_tables
         counts += ((CellWithValues(f"warnings left out: {name}", {"": f"warnings {name} left out"}), n),)
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
-    title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
+    title = f"Warnings (rule {found_warnings.config.rule}; times from the log's start: {times})"
     return (
         SummaryTable("events", title, columns, events, names=names),
         SummaryTable(

@@ -50,17 +50,17 @@ IS_UNSCENTED_BY_FILTER: dict[FilterName, bool] = {"ukf": True, "ekf": False}
 """Name of a filter -> whether it is the unscented one."""
 
 
-def _check_share_of_range(given: float) -> float:
+def _check_share_of_range(share: float) -> float:
     """Check that a share of the range is 0 or more, and return it.
 
     Raises:
         UsageError: It is negative or NaN.
     """
-    if not given >= 0.0:
+    if not share >= 0.0:
         raise UsageError(
-            f"--cartesian-below {given:g} is not a share of the range", hint="give 0 or more; 0 means never"
+            f"--cartesian-below {share:g} is not a share of the range", hint="give 0 or more; 0 means never"
         )
-    return given
+    return share
 
 
 @dataclass(frozen=True)

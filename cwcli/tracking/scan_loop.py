@@ -57,9 +57,9 @@ class _LivingTracks:
         self.misses = np.zeros(capacity, np.int64)
         self.last_hit_ns = np.zeros(capacity, np.int64)
 
-    def keep_tracks(self, which: Mask) -> None:
-        """Drop all tracks but those in the mask `which`."""
-        at = np.flatnonzero(which)
+    def keep_tracks(self, mask: Mask) -> None:
+        """Drop all tracks but those in the mask `mask`."""
+        at = np.flatnonzero(mask)
         for column in (self.x, self.p, self.log_odds, self.key, self.is_confirmed, self.misses, self.last_hit_ns):
             column[: len(at)] = column[at]
         self.n = len(at)

@@ -192,19 +192,19 @@ def _rows_at_all_scans(prepared: PreparedDetections, which: Int64Array, last_ns:
 
 
 def _filter_one_track_with_rows_and_output(
-    prepared: PreparedDetections, found: Association, track_index: int, config: TrackerConfig
+    prepared: PreparedDetections, association: Association, track_index: int, config: TrackerConfig
 ) -> tuple[TargetTrack, tuple[Int64Array, FilterOutput]]:
     """Filter (and smooth) one track over its own detections."""
     single = replace(config.single, gate_probability=1.0)
-    which = np.flatnonzero(found.row_track == found.track_id[track_index])
-    last_ns = int(prepared.rows.stamp_ns[which[-1]] if single.smooth else found.ended_ns[track_index])
+    which = np.flatnonzero(association.row_track == association.track_id[track_index])
+    last_ns = int(prepared.rows.stamp_ns[which[-1]] if single.smooth else association.ended_ns[track_index])
     rows = _rows_at_all_scans(prepared, which, last_ns)
     output = filter_single_target(rows, single, smooth=False)
     shown = filter_single_target(rows, single, smooth=True) if single.smooth else output
-    keep = np.ones(len(rows), bool) if single.smooth else rows.stamp_ns >= found.confirmed_ns[track_index]
+    keep = np.ones(len(rows), bool) if single.smooth else rows.stamp_ns >= association.confirmed_ns[track_index]
     track = TargetTrack(
-        int(found.track_id[track_index]), rows.stamp_ns[keep], shown.state[keep], shown.covariance[keep],
-        rows.source[keep], int(found.confirmed_ns[track_index]),
+        int(association.track_id[track_index]), rows.stamp_ns[keep], shown.state[keep], shown.covariance[keep],
+        rows.source[keep], int(association.confirmed_ns[track_index]),
     )  # fmt: skip
     return track, (rows.source, output)
 
@@ -250,7 +250,7 @@ def track_targets_and_name_method(
 
 def track_targets_online(
     result: TrackResult,
-    how: str,
+    method_name: str,
     detections: Sequence[Detections],
     models: Mapping[str, SensorModel],
     config: TrackerConfig,
@@ -259,7 +259,7 @@ def track_targets_online(
     """Track without smoothing, with the noise, the clutter and the number of targets of another result.
 
     Args:
-        result, how: Results of `track_targets_and_name_method`.
+        result, method_name: Results of `track_targets_and_name_method`.
         ego: The car's states as they could have been known online.
     """
     tuned = result.tuned
@@ -268,7 +268,7 @@ def track_targets_online(
         source: replace(model, clutter_density=result.clutter_density.get(source, model.clutter_density))
         for source, model in models.items()
     }
-    track = track_one_target if how == "one" else track_many_targets
+    track = track_one_target if method_name == "one" else track_many_targets
     return track(
         detections, found, replace(config, single=single), ego, NO_SIGMA_FACTORS if tuned is None else tuned.scale
     )

@@ -117,12 +117,12 @@ def lower_probabilities_if_vanishing_votes_scatter(
     Args:
         vote_share: Share of the votes for the vanishing point, 0 to 1 (`vanishing.VanishingPoint`).
     """
-    factor = math.exp(LOG_ODDS_PER_VOTE_SHARE * shortfall_of_votes(vote_share))
+    factor = math.exp(LOG_ODDS_PER_VOTE_SHARE * vote_share_shortfall(vote_share))
     left, right = (factor * each / (1.0 - each + factor * each) for each in probabilities)
     return left, right
 
 
-def shortfall_of_votes(vote_share: float) -> float:
+def vote_share_shortfall(vote_share: float) -> float:
     """How far the share of the votes for the vanishing point is below that of a clear road, at most 0."""
     return min(vote_share - CLEAR_VOTE_SHARE, 0.0)
 
@@ -160,7 +160,7 @@ def first_frame_probability_features(
             1.0,
             math.log(objective + OBJECTIVE_OFFSET_BEFORE_LOGARITHM),
             by_chance,
-            shortfall_of_votes(vote_share),
+            vote_share_shortfall(vote_share),
             -math.log1p(weight),
         )
         for weight in rival_weights_of_left_and_right(lanes, objectives, height_px)

@@ -479,9 +479,9 @@ def search_rival_lanes(
     return lanes, lane_objectives(evidence, lanes, prior.table)
 
 
-def _drop_known_lanes(lanes: ImageLanes, known: Sequence[ImageLane]) -> ImageLanes:
+def _drop_known_lanes(lanes: ImageLanes, known_lanes: Sequence[ImageLane]) -> ImageLanes:
     """Lanes that are none of the known ones."""
-    return lanes[[not any(is_same_lane(lane, other) for other in known) for lane in lanes]]
+    return lanes[[not any(is_same_lane(lane, other) for other in known_lanes) for lane in lanes]]
 
 
 def move_to_inner_stripes(

@@ -135,13 +135,13 @@ def choose_tight_or_gentle_bend(
 def find_tight_bend_hypothesis(
     lead: LaneHypothesis,
     evidence: StripeEvidence,
-    tight: LanePrior,
+    tight_prior: LanePrior,
     size: WidthHeightPx,
     dt_s: float,
     sideways_mps: float,
 ) -> LaneHypothesis | None:
     """The published lane once more as a tight bend, if that is clearly better in this frame; else None."""
-    lane, last = refine_predicted_lane(evidence, lead.lane, tight, size, dt_s, sideways_mps, is_slow=True)
+    lane, last = refine_predicted_lane(evidence, lead.lane, tight_prior, size, dt_s, sideways_mps, is_slow=True)
     if last <= lead.last_value + MIN_OBJECTIVE_GAIN_TO_SWITCH:
         return None
     return replace(lead, lane=lane, value=lead.value + last - lead.last_value, last_value=last, is_tight=True)

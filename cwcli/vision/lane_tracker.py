@@ -329,7 +329,7 @@ class LaneTracker:
         self,
         hypotheses: list[LaneHypothesis],
         evidence: StripeEvidence,
-        tight: LanePrior,
+        tight_prior: LanePrior,
         size: WidthHeightPx,
         dt_s: float,
         sideways_mps: float,
@@ -340,27 +340,27 @@ class LaneTracker:
         if any(each.is_tight for each in hypotheses):
             return
         if was_better or self._n_frames % TIGHT_BEND_SEARCH_INTERVAL_FRAMES == 0:
-            tight_bend = find_tight_bend_hypothesis(hypotheses[0], evidence, tight, size, dt_s, sideways_mps)
+            tight_bend = find_tight_bend_hypothesis(hypotheses[0], evidence, tight_prior, size, dt_s, sideways_mps)
             self._is_tight_bend_better = tight_bend is not None
             if tight_bend is not None and was_better:
                 add_or_merge_hypothesis(hypotheses, tight_bend, size)
 
     def _predict_line_pair_if_published(
-        self, each: LaneHypothesis, lane: ImageLane, change: int, frame: LaneFrame, camera: Camera, dt_s: float
+        self, hypothesis: LaneHypothesis, lane: ImageLane, change: int, frame: LaneFrame, camera: Camera, dt_s: float
     ) -> LinePairState | None:
         """State of the published lane's two lines, predicted for this frame; None for other lanes and where the log has
         no motion of a fast car."""
         assert self._prior is not None
         is_fast = frame.speed_mps >= MIN_SPEED_WITHOUT_NEW_BENDS_MPS and math.isfinite(frame.yaw_rate_radps)
-        if each is not self._hypotheses[0] or not is_fast:
+        if hypothesis is not self._hypotheses[0] or not is_fast:
             return None
-        if each.line_pair is None or change:
+        if hypothesis.line_pair is None or change:
             return initial_line_pair_state(lane)
         moved = [
             predict_lane_at_next_frame(own, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
-            for own in each.line_pair.lanes_by_line
+            for own in hypothesis.line_pair.lanes_by_line
         ]
-        return replace(each.line_pair, lanes_by_line=np.stack(moved))
+        return replace(hypothesis.line_pair, lanes_by_line=np.stack(moved))
 
     def _search_rival_hypotheses(
         self, frame: LaneFrame, camera: Camera, followed: list[LaneHypothesis], opened_prior: LanePrior

@@ -54,12 +54,12 @@ class _LineVotes:
         kept_share = math.exp(-dt_s / COLOUR_VOTE_DECAY_TIME_S)
         self.colours = {colour: kept_share * votes for colour, votes in self.colours.items()}
 
-    def add_frame_votes(self, seen: LineKindInFrame, colour: LineColour) -> None:
+    def add_votes_of_frame(self, kind_in_frame: LineKindInFrame, colour: LineColour) -> None:
         """Add the votes of a frame."""
-        if seen.kind is not LineKind.UNKNOWN:
-            self.kinds[seen.kind] = self.kinds.get(seen.kind, 0.0) + 1.0
-        if seen.is_double is not None:
-            self.doubles[seen.is_double] = self.doubles.get(seen.is_double, 0.0) + 1.0
+        if kind_in_frame.kind is not LineKind.UNKNOWN:
+            self.kinds[kind_in_frame.kind] = self.kinds.get(kind_in_frame.kind, 0.0) + 1.0
+        if kind_in_frame.is_double is not None:
+            self.doubles[kind_in_frame.is_double] = self.doubles.get(kind_in_frame.is_double, 0.0) + 1.0
         if colour is not LineColour.UNKNOWN:
             self.colours[colour] = self.colours.get(colour, 0.0) + 1.0
 
@@ -137,7 +137,7 @@ class LineClassifier:
         for side, votes, line, colour in sides:
             votes.fade_votes_by_time_step(since_s)
             if side.found:
-                votes.add_frame_votes(line, colour)
+                votes.add_votes_of_frame(line, colour)
         self._update_kinds_and_colours()
 
     def _update_kinds_and_colours(self) -> None:

@@ -171,7 +171,7 @@ def _count_raised_dots(line: Sequence[LineStretch]) -> int:
     )
 
 
-def _has_second_stripe(evidence: StripeEvidence, lane: ImageLane, place: float) -> bool | None:
+def _has_second_stripe(evidence: StripeEvidence, lane: ImageLane, offset: float) -> bool | None:
     """Whether a second stripe runs beside a line at a place over the camera's height; None where that can't be seen."""
     stretch = evidence.pinhole.focal_length_ratio
     first = int(
@@ -179,7 +179,7 @@ def _has_second_stripe(evidence: StripeEvidence, lane: ImageLane, place: float) 
     )
     rows, sharp = evidence.rows[first:], evidence.sharp[first:]
     values = lane_ridge.along(
-        sharp, rows, lane, place + stretch * SECOND_STRIPE_OFFSETS_IN_CAMERA_HEIGHTS, evidence.scoring_settings()
+        sharp, rows, lane, offset + stretch * SECOND_STRIPE_OFFSETS_IN_CAMERA_HEIGHTS, evidence.scoring_settings()
     )
     is_seen = (values[0] >= 0.0) & (values[-1] >= 0.0)
     if np.count_nonzero(is_seen) < MIN_DOUBLE_ROWS:

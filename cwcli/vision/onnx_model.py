@@ -313,12 +313,12 @@ class _DescriptionReader:
         """An error about the value of a key."""
         return UsageError(f"{key} {what}", where=str(self.path), hint=hint)
 
-    def read_choice(self, key: str, known: tuple[str, ...]) -> str:
+    def read_choice(self, key: str, choices: tuple[str, ...]) -> str:
         """Read a value that must be one of the known ones."""
         value = self.table.get(key)
-        if value not in known:
+        if value not in choices:
             raise self.error_about_key(
-                key, "is missing" if value is None else f"is {value!r}", f"permitted: {', '.join(known)}"
+                key, "is missing" if value is None else f"is {value!r}", f"permitted: {', '.join(choices)}"
             )
         return str(value)
 
@@ -396,12 +396,12 @@ def _protobuf_field_values(data: bytes, field_number: int, wire_type: int = 2) -
     return values
 
 
-def _varint_and_next_place(data: bytes, at: int) -> tuple[int, int]:
+def _varint_and_next_place(data: bytes, position: int) -> tuple[int, int]:
     """Read a protobuf varint; returns its value and the place after it."""
     value = shift = 0
-    while data[at] & 128:
-        value, shift, at = value | (data[at] & 127) << shift, shift + 7, at + 1
-    return value | data[at] << shift, at + 1
+    while data[position] & 128:
+        value, shift, position = value | (data[position] & 127) << shift, shift + 7, position + 1
+    return value | data[position] << shift, position + 1
 
 
 def _format_shape(shape: tuple[int | None, ...]) -> str:

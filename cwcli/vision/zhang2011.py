@@ -122,9 +122,9 @@ def cross_chromosomes(first: str, second: str, cut_places: tuple[int, int, int])
     return f"{int(first, 2) ^ differing:0{n}b}", f"{int(second, 2) ^ differing:0{n}b}"
 
 
-def mutate_chromosome(code: str, place: int) -> str:
-    """Change the bit at `place` of a chromosome, counted from 0 at the left."""
-    return f"{int(code, 2) ^ lane_search.mutation_mask(place, len(code)):0{len(code)}b}"
+def mutate_chromosome(code: str, bit_index: int) -> str:
+    """Change the bit at `bit_index` of a chromosome, counted from 0 at the left."""
+    return f"{int(code, 2) ^ lane_search.mutation_mask(bit_index, len(code)):0{len(code)}b}"
 
 
 def search_boundary(

@@ -23,6 +23,7 @@ from cwcli.cli.commands.export import EXPORT_FORMATS, TABLE_FORMATS
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_PIPE_CLOSED, EXIT_USAGE
 from cwcli.export.track_formats import TRACK_FORMATS
+from cwcli.output import PLOT_FILE_FORMATS
 from cwcli.report import plots
 from tests.cli import rewritten_logs
 from tests.cli.conftest import ROOT, SAMPLES
@@ -40,7 +41,7 @@ EXPORTS = {
 COMMANDS = {f"export-{name}": ("export", name, given) for name, given in EXPORTS.items()} | {
     f"plot-{name}-{form}": ("plot", form, ["--what", name])
     for name in plots.PLOT_NAMES
-    for form in plots.PLOT_FORMATS
+    for form in PLOT_FILE_FORMATS
     if name != "lane"  # the log has no camera
 }
 COMMANDS["view"] = ("view", "rrd", [])

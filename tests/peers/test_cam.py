@@ -10,7 +10,7 @@ import pytest
 from pycrate_asn1dir import ITS_CAM_2, ITS_DENM_3
 
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
-from cwcli.signals.radio.program import Asn1Type, compile_type, load_message_type
+from cwcli.signals.radio.program import Asn1Type, compile_asn1_type, load_message_type
 from cwcli.signals.radio.standard_messages import CAM
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
 from tests.unit.signals.radio.vectors import CAM_ASN1TOOLS, CAM_OF_ISSUE, CAM_PYCRATE
@@ -83,7 +83,7 @@ def check_random(message: str, n: int, seed: int) -> None:
         packed.append(official.to_uper())
         expected.append(found)
     names = paths_of(node)
-    decoded = decode_messages(compile_type(node, names), octets_of(packed))
+    decoded = decode_messages(compile_asn1_type(node, names), octets_of(packed))
     assert not decoded.status.any()
     for row, found in enumerate(expected):
         assert {name: int(decoded.component_codes(name)[row]) for name in names} == dict.fromkeys(
@@ -101,7 +101,7 @@ def check_mutated(message: str, n: int, seed: int) -> dict[str, int]:
         some.append(official.to_uper())
     broken = [mutated(rng, some[int(rng.integers(len(some)))]) for _ in range(n)]
     names = paths_of(node)
-    decoded = decode_messages(compile_type(node, names), octets_of(broken))
+    decoded = decode_messages(compile_asn1_type(node, names), octets_of(broken))
     assert set(decoded.status.tolist()) <= {0, *DECODE_FAULT_TEXTS}
     for name in names:
         codes = decoded.component_codes(name)

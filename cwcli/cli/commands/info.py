@@ -115,9 +115,9 @@ def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> D
     if reading.dbc:
         _add_dbc_signals_to_reasons(log, why, reading.dbc)
     if any(reason.why in REASONS_COMPLETED_BY_FIRST_MESSAGES for reason in why.values()):
-        from cwcli.pipeline.message_fields import explain_unknown_channels
+        from cwcli.pipeline.message_fields import complete_reasons_of_unknown_channels
 
-        explain_unknown_channels(log, why)
+        complete_reasons_of_unknown_channels(log, why)
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
     container = _container_document(log)
     station_notes = _suggest_ego_stations_and_list_notes(log, why, bindings)

@@ -35,14 +35,14 @@ def command(
     """
     from cwcli.digest.drive import read_drive
     from cwcli.logs.read.reader import Log
-    from cwcli.output import refuse_unwritable_targets, write_file
-    from cwcli.report.plots import PLOT_FORMATS, draw_plot
+    from cwcli.output import PLOT_FILE_FORMATS, refuse_unwritable_targets, write_file
     from cwcli.report.plots import PLOT_NAMES as KNOWN
+    from cwcli.report.plots import draw_plot
 
     refuse_unwritable_targets([output], force=force, inputs=log)
     if what not in KNOWN:
         raise UsageError(f"--what {what!r}: there is no such plot", hint=closest_names_hint(what, list(KNOWN)))
-    form = check_file_suffix(output, [f".{name}" for name in PLOT_FORMATS], what="an image").removeprefix(".")
+    form = check_file_suffix(output, [f".{name}" for name in PLOT_FILE_FORMATS], what="an image").removeprefix(".")
     with Log.open(source_of_logs(log, as_one)) as opened:
         drive = read_drive(opened)
     write_file(output, draw_plot(drive, what, form), force=force)

@@ -56,7 +56,7 @@ _DESCRIPTION_BY_VALUE_TYPE = {
 }
 """Type of a value -> its description in an error."""
 MAX_SHOWN_VALUE_CHARACTERS = 60
-"""Longest part of a wrong value that an error shows, in characters; chosen by hand."""
+"""Longest part of a value that an error or a sentence shows, in characters; chosen by hand."""
 
 
 def _expected_value_text(annotation: Any, info: Any) -> str:

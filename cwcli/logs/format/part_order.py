@@ -14,6 +14,7 @@ from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.records import Statistics
 from cwcli.signals.units import NS_PER_S
+from cwcli.text import format_first_names
 
 if TYPE_CHECKING:
     from cwcli.signals.columns import FirstAndLastNs
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 MAX_GAP_WITHOUT_NOTE_NS = 1_000_000_000
 """The longest time in ns between two parts without a note. A recorder continues with the next part at once; after a
 longer gap something may be missing. Chosen by hand."""
-MAX_NAMES_SHOWN = 3
-"""The number of names that a note lists. Chosen by hand."""
 MAX_PART_NUMBER = 10_000
 """The greatest number in a file name that counts as the number of a part; a larger one is a time or a date. Chosen by
 hand."""
@@ -83,7 +82,7 @@ def _is_same_file_content(part: InputFile, index: LogIndex, other: InputFile, of
 def _note_parts(file: JoinedFile, what: str, parts: Sequence[InputFile]) -> None:
     """Add a note that names these parts, if there are any."""
     if parts:
-        file.notes[f"{what} ({_format_first_names([_base_name(part) for part in parts])})"] = len(parts)
+        file.notes[f"{what} ({format_first_names([_base_name(part) for part in parts])})"] = len(parts)
 
 
 def _note_missing_part_numbers(file: JoinedFile, parts: Sequence[InputFile]) -> None:
@@ -96,7 +95,7 @@ def _note_missing_part_numbers(file: JoinedFile, parts: Sequence[InputFile]) -> 
     first = 1 if is_counted else min(numbers)
     missing = sorted(set(range(first, max(numbers))) - numbers) if max(numbers) < MAX_PART_NUMBER else []
     if missing:
-        names = _format_first_names([str(number) for number in missing])
+        names = format_first_names([str(number) for number in missing])
         file.notes[f"parts missing by the numbers in the names ({names})"] = len(missing)
 
 
@@ -113,9 +112,9 @@ def _note_overlaps_and_gaps(file: JoinedFile, parts: Sequence[tuple[InputFile, F
         elif start_ns - end_ns > MAX_GAP_WITHOUT_NOTE_NS:
             gaps.append(f"{both}: {(start_ns - end_ns) / NS_PER_S:.1f} s")
     if overlaps:
-        file.notes[f"parts that overlap in time ({_format_first_names(overlaps)})"] = len(overlaps)
+        file.notes[f"parts that overlap in time ({format_first_names(overlaps)})"] = len(overlaps)
     if gaps:
-        file.notes[f"gaps between parts ({_format_first_names(gaps)})"] = len(gaps)
+        file.notes[f"gaps between parts ({format_first_names(gaps)})"] = len(gaps)
 
 
 def _note_wrong_listed_counts(file: JoinedFile, parts: Sequence[tuple[InputFile, LogIndex]]) -> None:
@@ -133,16 +132,11 @@ def _note_wrong_listed_counts(file: JoinedFile, parts: Sequence[tuple[InputFile,
     if not wrong and is_whole and file.n_listed_messages not in (None, total):
         wrong.append(f"all: {file.n_listed_messages} instead of {total}")
     if wrong:
-        file.notes[f"wrong numbers of messages in metadata.yaml ({_format_first_names(wrong)})"] = len(wrong)
+        file.notes[f"wrong numbers of messages in metadata.yaml ({format_first_names(wrong)})"] = len(wrong)
 
 
 def _base_name(part: InputFile) -> str:
     return Path(part.name).name
-
-
-def _format_first_names(names: Sequence[str]) -> str:
-    more = len(names) - MAX_NAMES_SHOWN
-    return ", ".join(names[:MAX_NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def note_unreadable_part(file: JoinedFile, part: InputFile, error: InputError) -> None:

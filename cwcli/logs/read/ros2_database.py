@@ -22,6 +22,7 @@ from cwcli.logs.codecs.compressed_messages import MAX_DECOMPRESSED_MESSAGE_BYTES
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, ReadBounds
 from cwcli.logs.read.ros_definitions import MAX_CHANNELS, iter_schemas_and_channels
+from cwcli.text import format_first_names
 
 if TYPE_CHECKING:
     from cwcli.logs.read.source_format import SourceFormat
@@ -215,7 +216,7 @@ def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: d
     unknown = sorted(counts.keys() - known)
     if unknown:
         n = sum(counts[each] for each in unknown)
-        shown = _format_first_names([str(each) for each in unknown])
+        shown = format_first_names([str(each) for each in unknown], MAX_NAMES_SHOWN)
         notes[f"messages that belong to no topic (topic id{'s' if len(unknown) > 1 else ''} {shown})"] = n
     by_format: dict[str, list[TopicRow]] = {}
     for each in topics:
@@ -225,12 +226,8 @@ def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: d
         n = sum(counts[each.topic_id] for each in others)
         if n:
             what = f"messages in the format {name}, which is not read, only CDR is"
-            notes[f"{what} ({_format_first_names([_shorten_value(each.topic) for each in others])})"] = n
-
-
-def _format_first_names(names: list[str]) -> str:
-    more = len(names) - MAX_NAMES_SHOWN
-    return ", ".join(names[:MAX_NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")
+            topics = [_shorten_value(each.topic) for each in others]
+            notes[f"{what} ({format_first_names(topics, MAX_NAMES_SHOWN)})"] = n
 
 
 def _shorten_value(value: object) -> str:

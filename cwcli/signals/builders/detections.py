@@ -81,7 +81,7 @@ def build_autoware(columns: Columns, reading: Reading) -> tuple[DetectionSignal,
     return _make_detection_signal(reading, ledger, "position", objects, values, covariance, read_stamps(columns))
 
 
-def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+def build_vision_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
     """Build detections from `vision_msgs/Detection3DArray`: the centres of the boxes.
 
     The covariance is that of the pose of the only hypothesis; with several, or none, it is not given. Where every box
@@ -100,7 +100,7 @@ def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     return _make_detection_signal(reading, ledger, "position", boxes, values, covariance, read_stamps(columns))
 
 
-def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+def build_scene_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
     """Build detections from `foxglove.SceneUpdate`: the centres of the cubes.
 
     The time is that of the message's first entity. Its frame is inside the entities and not read: mount the sensor.
@@ -114,7 +114,7 @@ def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     )
 
 
-def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
+def build_json_detections(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
     """Build detections from JSON messages as in `schemas/detections.schema.json`: positions, or ranges and azimuths."""
     ledger = RowLedger(columns, reading.role)
     if find_field(columns, "detections.range_m") is not None:

@@ -81,7 +81,7 @@ def build_twist(columns: Columns, reading: Reading) -> tuple[VelocitySignal | Sp
     )
 
 
-def build_plain_twist(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+def build_speed_from_unstamped_twist(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
     """Build a speed from `Twist` or `TwistWithCovariance`, which have neither time nor frame: the log's, body axes."""
     base = "twist." if "twist.linear.x" in columns.fields else ""
     covariance = read_matrix(columns, "covariance", 36)
@@ -91,7 +91,7 @@ def build_plain_twist(columns: Columns, reading: Reading) -> tuple[SpeedSignal, 
     return speed_signal_from_body_motion(columns, replace(reading, clock="log"), ledger, motion)
 
 
-def build_plain_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+def build_speed_from_unstamped_float(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
     """Build a speed from `Float32` or `Float64`, taken as m/s along the body, at the log's time."""
     nothing = np.full(len(columns), np.nan)
     motion = BodyMotion(read_numbers(columns, "data"), nothing, nothing, nothing)

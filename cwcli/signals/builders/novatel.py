@@ -117,8 +117,8 @@ def _computed_solution_mask(columns: Columns, *type_names: str) -> BoolArray:
     return is_computed & (read_numbers(columns, *type_names) > NO_SOLUTION_TYPE_CODE)
 
 
-def _accepted_status_mask(columns: Columns, name: str, accepted: dict[int, str], *words: str) -> BoolArray:
-    field = find_field(columns, name, *words)
+def _accepted_status_mask(columns: Columns, name: str, accepted: dict[int, str], *word_paths: str) -> BoolArray:
+    field = find_field(columns, name, *word_paths)
     if isinstance(field, Strings):
         return accepted_text_mask(field, len(columns), *accepted.values())
     return np.isin(read_numbers(columns, f"{name}.status"), list(accepted))

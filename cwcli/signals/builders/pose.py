@@ -159,9 +159,9 @@ def _make_pose_signal(
     speed_mps: FloatArray,
     yaw_rate_radps: FloatArray,
     stamps_ns_and_is_given: StampsNsAndIsGiven,
-    **more: Any,
+    **other_columns: Any,
 ) -> tuple[PoseSignal, Quality]:
-    """Make the signal; `more`: its other columns, by row."""
+    """Make the signal; `other_columns`: its other columns, by row."""
     columns = ledger.columns
     speed_mps = nan_beyond_limit(ledger, speed_mps, MAX_SPEED_MPS, "speed")
     yaw_rate_radps = nan_beyond_limit(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
@@ -176,7 +176,7 @@ def _make_pose_signal(
         yaw_rad=yaw_rad,
         speed_mps=speed_mps,
         yaw_rate_radps=yaw_rate_radps,
-        **more,
+        **other_columns,
     )
 
 

@@ -42,8 +42,8 @@ def build_remote(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[R
         signal = join_remote_signals([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
     senders = codec.identify(columns)
     events, is_unread = codec.events(columns)
-    events = _drop_own_events(events, senders, reading) if len(events) else events
-    quality.notes += format_flag_notes(events, is_unread & ~_own_message_mask(senders, reading))
+    events = _drop_ego_events(events, senders, reading) if len(events) else events
+    quality.notes += format_flag_notes(events, is_unread & ~_ego_message_mask(senders, reading))
     if len(events):
         signal = replace(signal, events=_move_flag_events_to_repaired_stamps(events, signal))
     return signal, quality
@@ -53,7 +53,7 @@ def _build_senders(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple
     ledger = RowLedger(columns, reading.role)
     senders = codec.identify(columns)
     ledger.set_aside(senders.is_roadside, "sent by a roadside unit")
-    ledger.set_aside(_own_message_mask(senders, reading), "sent by the ego station")
+    ledger.set_aside(_ego_message_mask(senders, reading), "sent by the ego station")
     decoded = codec.decode(columns, ledger)
     timeline = _reject_positions_and_repair_station_clocks(columns, reading, ledger, decoded, senders.station)
     _note_timing_anomalies(ledger, decoded, senders.station, timeline)
@@ -68,10 +68,10 @@ def _build_senders(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple
     return signal, ledger.quality
 
 
-def build_own_position(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
+def build_ego_position(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
     """Build the ego's position from its own messages."""
-    ledger, decoded, timeline = _decode_own_messages(codec, columns, reading)
-    _note_own_stations(codec.identify(columns), reading, ledger)
+    ledger, decoded, timeline = _decode_ego_messages(codec, columns, reading)
+    _note_ego_stations(codec.identify(columns), reading, ledger)
     return build_signal_and_quality(
         PositionSignal,
         ledger,
@@ -83,9 +83,9 @@ def build_own_position(codec: V2xCodec, columns: Columns, reading: Reading) -> t
     )
 
 
-def build_own_speed(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
+def build_ego_speed(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
     """Build the ego's speed and yaw rate from its own messages."""
-    ledger, decoded, timeline = _decode_own_messages(codec, columns, reading, needs="speed_mps")
+    ledger, decoded, timeline = _decode_ego_messages(codec, columns, reading, needs="speed_mps")
     return build_signal_and_quality(
         SpeedSignal,
         ledger,
@@ -97,22 +97,22 @@ def build_own_speed(codec: V2xCodec, columns: Columns, reading: Reading) -> tupl
     )
 
 
-def build_own_heading(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
+def build_ego_heading(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
     """Build the ego's heading from its own messages."""
-    ledger, decoded, timeline = _decode_own_messages(codec, columns, reading, needs="heading_rad")
+    ledger, decoded, timeline = _decode_ego_messages(codec, columns, reading, needs="heading_rad")
     variance_rad2 = decoded.heading_sigma_rad**2
     return build_signal_and_quality(
         HeadingSignal, ledger, timeline, heading_rad=decoded.heading_rad, variance_rad2=variance_rad2
     )
 
 
-def _decode_own_messages(
+def _decode_ego_messages(
     codec: V2xCodec, columns: Columns, reading: Reading, needs: str = ""
 ) -> tuple[RowLedger, RemoteRows, Timeline]:
     """Decode the ego's own messages; those of others, and those without the quantity `needs`, are set aside."""
     ledger = RowLedger(columns, reading.role)
     senders = codec.identify(columns)
-    ledger.set_aside(~_own_message_mask(senders, reading), OTHER_STATION_REASON)
+    ledger.set_aside(~_ego_message_mask(senders, reading), OTHER_STATION_REASON)
     decoded = codec.decode(columns, ledger)
     if needs:
         ledger.set_aside(~np.isfinite(getattr(decoded, needs)), "not available in the message")
@@ -123,18 +123,18 @@ def _decode_own_messages(
     )
 
 
-def _note_own_stations(senders: Senders, reading: Reading, ledger: RowLedger) -> None:
+def _note_ego_stations(senders: Senders, reading: Reading, ledger: RowLedger) -> None:
     """Note which station is the ego, and why."""
-    codes = sort_distinct_values(senders.station.codes[_own_message_mask(senders, reading)])
+    codes = sort_distinct_values(senders.station.codes[_ego_message_mask(senders, reading)])
     for name in (senders.station.values[code] for code in codes if code >= 0):
         is_named = reading.ego_station is not None and name.lower() == reading.ego_station.lower()
         why = "named by --ego-station" if is_named else "whose messages say that the recording vehicle sent them"
         ledger.add_note(f"{OWN_STATION_NOTE} {name}, {why}")
 
 
-def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
+def _drop_ego_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
     """Return the events without those of the ego's own messages."""
-    own_codes = sort_distinct_values(senders.station.codes[_own_message_mask(senders, reading)])
+    own_codes = sort_distinct_values(senders.station.codes[_ego_message_mask(senders, reading)])
     own = {senders.station.values[code] for code in own_codes if code >= 0}
     is_own = np.array([*(name in own for name in events.station.values), False])
     return events.select_rows(np.flatnonzero(~is_own[events.station.codes]))
@@ -159,7 +159,7 @@ def _move_flag_events_to_repaired_stamps(events: RoadEvents, signal: RemoteSigna
     return replace(events, stamp_ns=stamp_ns, until_ns=until_ns)
 
 
-def _own_message_mask(senders: Senders, reading: Reading) -> BoolArray:
+def _ego_message_mask(senders: Senders, reading: Reading) -> BoolArray:
     """Return which messages (n,) the recording vehicle sent: they say so, or the user has named its station."""
     if reading.ego_station is None:
         return senders.is_own

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cwcli.signals.builders.base import Fields, Input
-from cwcli.signals.input_rows import builder_loaded_at_first_call
+from cwcli.signals.input_rows import builder_imported_at_first_call
 from cwcli.signals.role import Role
 
 GROUND_TRUTH_PREFIX = ""
@@ -81,11 +81,11 @@ _HOST_VEHICLE_DATA_FIELDS: Fields = {
 """The leaf fields of a HostVehicleData, by encoding."""
 
 
-def _input(role: Role, fields: Fields, rank: int, *places: str) -> Input:
+def _lazy_input(role: Role, fields: Fields, rank: int, *builder_and_first_arguments: str) -> Input:
     return Input(
         role,
         fields,
-        builder_loaded_at_first_call(*(f"osi.{place}" for place in places)),
+        builder_imported_at_first_call(*(f"osi.{place}" for place in builder_and_first_arguments)),
         rank=rank,
         says_what_it_is=True,
     )
@@ -101,13 +101,14 @@ def _ground_truth_inputs(fields: Fields, prefix: str, rank: int, *, with_remote:
         **({Role.REMOTE: "build_remote"} if with_remote else {}),
     }
     return tuple(
-        _input(role, fields, rank, f"roles.{name}", f"leaves.{prefix}") for role, name in builder_names_by_role.items()
+        _lazy_input(role, fields, rank, f"roles.{name}", f"leaves.{prefix}")
+        for role, name in builder_names_by_role.items()
     )
 
 
 HOST_VEHICLE_DATA = (
-    _input(Role.EGO_POSITION, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_pose"),
-    _input(Role.EGO_SPEED, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_speed"),
+    _lazy_input(Role.EGO_POSITION, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_pose"),
+    _lazy_input(Role.EGO_SPEED, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_speed"),
 )
 """The registry rows of `osi3.HostVehicleData`."""
 GROUND_TRUTH_INPUTS = _ground_truth_inputs(_GROUND_TRUTH_FIELDS, "GROUND_TRUTH_PREFIX", 4)
@@ -116,6 +117,6 @@ SENSOR_VIEW = _ground_truth_inputs(_SENSOR_VIEW_FIELDS, "SENSOR_VIEW_PREFIX", 5)
 """The registry rows of `osi3.SensorView`: the GroundTruth that a sensor is given. Its host carries the sensor."""
 SENSOR_DATA = (
     *_ground_truth_inputs(_SENSOR_DATA_WORLD_FIELDS, "SENSOR_DATA_PREFIX", 6, with_remote=False),
-    _input(Role.DETECTIONS, _DETECTED_OBJECT_FIELDS, 0, "sensor_data.build_detections"),
+    _lazy_input(Role.DETECTIONS, _DETECTED_OBJECT_FIELDS, 0, "sensor_data.build_detections"),
 )
 """The registry rows of `osi3.SensorData`."""

@@ -249,7 +249,7 @@ def _choose_host_id(
     ledger: RowLedger,
     prefix: str,
     ids: npt.NDArray[np.uint64],
-    place: FloatArray,
+    position_m: FloatArray,
     is_vehicle: BoolArray,
 ) -> int | None:
     """Choose the host's id: the one that the user names, else the messages, else the first vehicle that drives.
@@ -274,20 +274,20 @@ def _choose_host_id(
             ledger.add_note(f"several host vehicles, {named_hosts}: {host} is the ego (--ego-station chooses another)")
             ledger.set_aside(is_there & (said != host), OTHER_HOST_REASON)
         return host
-    host, why = _smallest_moving_id_and_reason(ids, place, is_vehicle)
+    host, why = _smallest_moving_id_and_reason(ids, position_m, is_vehicle)
     ledger.add_note(f"no message names the host vehicle: {host}, {why}, is the ego (--ego-station chooses another)")
     return host
 
 
 def _smallest_moving_id_and_reason(
-    ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: BoolArray
+    ids: npt.NDArray[np.uint64], position_m: FloatArray, is_vehicle: BoolArray
 ) -> tuple[int, str]:
     """Return the smallest id of a vehicle that moves, else of an object that moves, of a vehicle, of any object; and
     why."""
     distinct, inverse = np.unique(ids, return_inverse=True)
     low, high = np.full((len(distinct), 2), np.inf), np.full((len(distinct), 2), -np.inf)
-    np.minimum.at(low, inverse, place)
-    np.maximum.at(high, inverse, place)
+    np.minimum.at(low, inverse, position_m)
+    np.maximum.at(high, inverse, position_m)
     moves = (high - low).max(axis=1) > MIN_DISTANCE_OF_MOVING_OBJECT_M
     drives = np.zeros(len(distinct), np.bool_)
     drives[inverse[is_vehicle]] = True
@@ -305,7 +305,7 @@ def _motion_along_and_across_heading(
     message: npt.NDArray[np.intp],
     ids: npt.NDArray[np.uint64],
     host: int | None,
-    place: FloatArray,
+    position_m: FloatArray,
     values: dict[str, FloatArray],
     keep: BoolArray,
 ) -> MovingObjects:
@@ -325,8 +325,8 @@ def _motion_along_and_across_heading(
         return is_zero
 
     low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
-    np.minimum.at(low, owner, place)
-    np.maximum.at(high, owner, place)
+    np.minimum.at(low, owner, position_m)
+    np.maximum.at(high, owner, position_m)
     moves = (high - low).max(axis=1, initial=0.0) > MIN_DISTANCE_OF_MOVING_OBJECT_M
     is_still = is_always_zero(velocity)
     no_velocity = (is_still & moves)[owner]
@@ -359,8 +359,8 @@ def _motion_along_and_across_heading(
         message=message[keep],
         id=ids[keep],
         host=host,
-        x_m=place[keep, 0],
-        y_m=place[keep, 1],
+        x_m=position_m[keep, 0],
+        y_m=position_m[keep, 1],
         heading_rad=heading_rad[keep],
         speed_mps=speed[keep],
         accel_mps2=across.real[keep],

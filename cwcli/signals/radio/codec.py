@@ -156,35 +156,35 @@ def make_radio_codec(form: str) -> V2xCodec:
 
 
 def _decode_messages_named_with_rows(
-    found: frames.UnwrappedFrames, form: str, name: str, kind: messages.PackedMessage
+    unwrapped: frames.UnwrappedFrames, form: str, name: str, kind: messages.PackedMessage
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages]:
     message_numbers = [number for number, other in MESSAGE_NAMES_BY_FORMAT[form].items() if other == name]
-    rows = np.flatnonzero(np.isin(found.message, message_numbers) & (found.status == 0))
-    octets = found.octets.select_messages(rows)
+    rows = np.flatnonzero(np.isin(unwrapped.message, message_numbers) & (unwrapped.status == 0))
+    octets = unwrapped.octets.select_messages(rows)
     return rows, messages.decode_messages(kind.program, octets, _header_mismatch_status(octets, kind))
 
 
 def _decode_messages_describing_their_sender(
-    columns: Columns, found: frames.UnwrappedFrames, form: str
+    columns: Columns, unwrapped: frames.UnwrappedFrames, form: str
 ) -> list[tuple[RoadUserMessage, Columns, npt.NDArray[np.intp], messages.UInt8Array]]:
     """Decode the messages that describe their sender: for each kind columns with named fields, their rows, and their
     status."""
     parts = []
     for number, name in MESSAGE_NAMES_BY_FORMAT[form].items():
         kind = SENDER_MESSAGES.get(name)
-        if kind is None or not (found.message == number).any():
+        if kind is None or not (unwrapped.message == number).any():
             continue
-        rows, decoded = _decode_messages_named_with_rows(found, form, name, kind.packed)
+        rows, decoded = _decode_messages_named_with_rows(unwrapped, form, name, kind.packed)
         part = columns.with_fields_of_rows(rows, kind.read_fields(decoded))
         parts.append((kind, part, rows, decoded.status))
     return parts
 
 
 def _decode_denms_with_rows_and_events(
-    columns: Columns, found: frames.UnwrappedFrames, form: str
+    columns: Columns, unwrapped: frames.UnwrappedFrames, form: str
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages, RoadEvents]:
     """Decode the DENMs; return their rows, their contents, and the events that they notify."""
-    rows, decoded = _decode_messages_named_with_rows(found, form, "DENM", standard_messages.DENM)
+    rows, decoded = _decode_messages_named_with_rows(unwrapped, form, "DENM", standard_messages.DENM)
     is_ok = decoded.status == 0
     codes = {name: decoded.component_numbers(path)[is_ok] for name, path in standard_messages.DENM.components.items()}
     return rows, decoded, road_events_from_denm_codes(codes, columns.log_time_ns[rows][is_ok])
@@ -216,14 +216,14 @@ def _reject_rows_by_status_code(ledger: RowLedger, status: messages.UInt8Array, 
 
 
 def _set_aside_messages_not_describing_sender(
-    ledger: RowLedger, found: frames.UnwrappedFrames, is_known: BoolArray, form: str
+    ledger: RowLedger, unwrapped: frames.UnwrappedFrames, is_known: BoolArray, form: str
 ) -> None:
     """Set aside the messages that do not describe their sender, by name."""
-    others = ~is_known & (found.status == 0)
-    for number in sort_distinct_values(found.message[others]):
+    others = ~is_known & (unwrapped.status == 0)
+    for number in sort_distinct_values(unwrapped.message[others]):
         name = MESSAGE_NAMES_BY_FORMAT[form].get(int(number), f"message {number}")
         what = "objects counted separately" if name in PERCEPTION_MESSAGES else "not about its sender"
-        ledger.set_aside(others & (found.message == number), f"{name} ({what})")
+        ledger.set_aside(others & (unwrapped.message == number), f"{name} ({what})")
 
 
 J2735_CODEC = make_radio_codec("j2735")

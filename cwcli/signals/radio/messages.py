@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cwcli.kernels import uper
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Field, FloatArray, Int64Array, Strings
-from cwcli.signals.radio.program import Program, compile_type, load_message_type
+from cwcli.signals.radio.program import Program, compile_asn1_type, load_message_type
 
 MISSING_CODE = int(np.iinfo(np.int64).min)
 """The code of a component that a message does not have."""
@@ -87,7 +87,7 @@ class PackedMessage:
     def program(self) -> Program:
         """The program that decodes the components."""
         lists = (self.objects_path,) if self.objects_path else ()
-        return compile_type(load_message_type(self.name), tuple(self.components.values()), lists)
+        return compile_asn1_type(load_message_type(self.name), tuple(self.components.values()), lists)
 
     def read_quantities(self, decoded: DecodedMessages) -> dict[str, Field]:
         """Return the numbers of each quantity, NaN where it is absent: one row a message, or one row an object."""

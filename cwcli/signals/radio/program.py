@@ -61,18 +61,18 @@ def load_message_type(message: str) -> Asn1Type:
     return found
 
 
-def compile_type(root: Asn1Type, wanted: Collection[str], lists: Collection[str] = ()) -> Program:
+def compile_asn1_type(root: Asn1Type, wanted_paths: Collection[str], list_paths: Collection[str] = ()) -> Program:
     """Compile a type into the kernel's operations.
 
     Args:
-        wanted: Paths of components, names joined by dots; a choice's own path is the index of its alternative.
-        lists: Paths of lists that get a table, with a row for each element. Of elements of other lists the last one
-            that has the component counts.
+        wanted_paths: Paths of components, names joined by dots; a choice's own path is the index of its alternative.
+        list_paths: Paths of lists that get a table, a row for each element. Of elements of other lists the last one that
+            has the component counts.
 
     Raises:
         ValueError: A path does not exist, or the type is nested too deeply (a mistake in a table of this package).
     """
-    compiler = _Compiler(frozenset(wanted), frozenset(lists))
+    compiler = _Compiler(frozenset(wanted_paths), frozenset(list_paths))
     compiler.emit_operations_of_type(root, "", 0, 0)
     compiler.emit_operation_and_return_index(uper.UPER_END)
     unknown = (compiler.wanted - compiler.columns.keys()) | (compiler.tabled - compiler.lists.keys())

@@ -210,7 +210,7 @@ class MountingSource:
     notes: tuple[str, ...] = ()
 
 
-def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) -> MountingSource:
+def find_camera_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) -> MountingSource:
     """Find out how a camera is mounted.
 
     Each value that the user gives counts before that of the transforms, and that before the default. The transforms are
@@ -224,7 +224,7 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
     given_values = choice.given_values_by_option()
     if len(given_values) == len(MOUNTING_OPTION_NAMES):
         return MountingSource(Mounting(**given_values), is_pitch_known=True)
-    pose, counts, notes = _pose_from_transforms(log, frame_id.lstrip("/"))
+    pose, counts, notes = _camera_pose_from_transforms(log, frame_id.lstrip("/"))
     if pose is None:
         mounting = Mounting(**given_values)
         note = (
@@ -242,7 +242,7 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
     return MountingSource(replace(mounting, **given_values), True, counts, notes)
 
 
-def _pose_from_transforms(
+def _camera_pose_from_transforms(
     log: Log, frame_id: str
 ) -> tuple[CameraPose | None, tuple[InputMessageCount, ...], tuple[str, ...]]:
     """Return the camera's pose on the car from the log's transforms or None, message counts, and notes."""

@@ -36,7 +36,7 @@ class MotionSeries:
     notes: tuple[str, ...] = ()
 
 
-def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | None = None) -> MotionSeries:
+def read_ego_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | None = None) -> MotionSeries:
     """Read speed and yaw rate from the states of `cwcli estimate`, or else from the speed channel and the gyroscope."""
     bound = bind_roles(log.channels, topics, required=(), optional=(EGO_STATE.role,), where=log.name)
     topic = bound.first_topic_of_role(EGO_STATE.role)

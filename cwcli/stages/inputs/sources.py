@@ -21,7 +21,7 @@ from cwcli.signals.clocks import (
     STRAY_LOG_TIME_REASON,
     Clock,
     first_and_last_log_time_without_strays,
-    lines_about_channels_with_other_clock,
+    lines_on_channels_with_other_clock,
 )
 from cwcli.signals.columns import Columns, Int64Array
 from cwcli.signals.quality import Quality
@@ -109,7 +109,7 @@ def read_sensor_signals(
         )
     except MissingSignalError as error:
         if Role.EGO_POSITION in required:
-            raise add_stations_to_error(error, log, given=how.ego_station) from None
+            raise add_stations_to_error(error, log, ego_station=how.ego_station) from None
         raise
     fields_to_load = bound.fields_to_load()
     every = {role: [each for one in b for each in (one, *one.parts)] for role, b in bound.by_role.items()}
@@ -158,11 +158,11 @@ def read_sensor_signals(
                 except MissingSignalError as error:
                     if role is Role.EGO_POSITION:
                         topics = {quality.source}
-                        raise add_stations_to_error(error, log, given=how.ego_station, topics=topics) from None
+                        raise add_stations_to_error(error, log, ego_station=how.ego_station, topics=topics) from None
                     raise
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
     others = {role: loaded[topic] for role, topic in own.items()}
-    return SensorSignals(by_role, tuple(qualities), (*notes, *lines_about_channels_with_other_clock(qualities)), others)
+    return SensorSignals(by_role, tuple(qualities), (*notes, *lines_on_channels_with_other_clock(qualities)), others)
 
 
 def read_bound_columns(log: Log, bound: Bindings, *, without: Collection[str] = ()) -> dict[str, Columns]:

@@ -25,6 +25,7 @@ from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
+from cwcli.signals.resample import MAX_INTERPOLATED_STATE_GAP_S
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import N_STATES
@@ -32,8 +33,6 @@ from cwcli.warning.types import median_length_and_width_m
 
 OTHER_VEHICLE_ROLES = (REMOTE_STATE.role, TARGETS.role)
 """Roles of the channels that hold other road users: remote vehicles and tracked targets."""
-MAX_INTERPOLATED_STATE_GAP_S = 0.5
-"""Longest gap between two states of a vehicle [s] over which it is interpolated; chosen by hand."""
 COVARIANCE_SLICE_DURATION_NS = 30 * NS_PER_S
 """Length of the part of the log whose covariances are in memory at once, ns. Chosen by hand."""
 FIELDS_WITH_COVARIANCE = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
@@ -155,20 +154,20 @@ def add_sigmas_of_extremes(
     return rows_with_sigmas
 
 
-def _covariances_at_stamps(known: Mapping[int, FloatArray], stamps: Int64Array) -> FloatArray:
+def _covariances_at_stamps(covariance_by_stamp: Mapping[int, FloatArray], stamps: Int64Array) -> FloatArray:
     """Return the covariances (n, N_STATES, N_STATES) at n stamps; NaN where none is known."""
     unknown = np.full((N_STATES, N_STATES), np.nan)
-    return np.array([known.get(stamp, unknown) for stamp in stamps.tolist()])
+    return np.array([covariance_by_stamp.get(stamp, unknown) for stamp in stamps.tolist()])
 
 
 def _read_covariances_at_stamps(
-    log: Log, tracks: TracksOfLog, wanted: Mapping[str, Int64Array]
+    log: Log, tracks: TracksOfLog, stamps_by_vehicle: Mapping[str, Int64Array]
 ) -> dict[str, dict[int, FloatArray]]:
     """Return vehicle -> stamp -> covariance of its state, read one slice of the log at a time."""
-    found: dict[str, dict[int, FloatArray]] = {vehicle: {} for vehicle in wanted}
-    stamps = {vehicle: sort_distinct_values(each) for vehicle, each in wanted.items()}
-    for topic, role in dict.fromkeys(tracks.topics[vehicle] for vehicle in wanted):
-        vehicles_of_channel = [vehicle for vehicle in wanted if tracks.topics[vehicle] == (topic, role)]
+    found: dict[str, dict[int, FloatArray]] = {vehicle: {} for vehicle in stamps_by_vehicle}
+    stamps = {vehicle: sort_distinct_values(each) for vehicle, each in stamps_by_vehicle.items()}
+    for topic, role in dict.fromkeys(tracks.topics[vehicle] for vehicle in stamps_by_vehicle):
+        vehicles_of_channel = [vehicle for vehicle in stamps_by_vehicle if tracks.topics[vehicle] == (topic, role)]
         for states in _iter_states_near_stamps(log, topic, role, tracks, vehicles_of_channel, stamps):
             for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
                 if vehicle in vehicles_of_channel:

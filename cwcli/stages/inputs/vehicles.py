@@ -14,7 +14,7 @@ from cwcli.pipeline.paths import PATH_TIME_BEYOND_HORIZON_S
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.plan import PathPlan, SelectedPaths
 from cwcli.prediction.rollout import RolloutSettings
-from cwcli.prediction.turn_end import TurnEndingPaths, left_turn_on_last_way_rad
+from cwcli.prediction.turn_end import TurnEndingPaths, left_turn_on_last_stretch_rad
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.road_events import RoadEvents, hard_braking_known_mask_or_none
 from cwcli.signals.row_order import iter_track_rows
@@ -76,7 +76,7 @@ def build_vehicle_tracks(
     return tracks
 
 
-def predict_paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> LazyPaths:
+def predict_paths_with_settings_of(states: VehicleStates, like: AnyPaths, *, where: str) -> LazyPaths:
     """Predict paths from the states with the model, step and horizon of the paths `like`.
 
     Raises:
@@ -96,5 +96,5 @@ def _predict_onset_paths(states: VehicleStates, rows: npt.NDArray[np.intp], time
     """Predict paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
     plan = PathPlan(ONSET_MODEL_NAME, RolloutSettings(float(time_s[-1]), step_s), states.state, states.covariance)
-    turned_rad = left_turn_on_last_way_rad(states.stamp_ns[rows], states.log_time_ns[rows], states.state[rows])
+    turned_rad = left_turn_on_last_stretch_rad(states.stamp_ns[rows], states.log_time_ns[rows], states.state[rows])
     return TurnEndingPaths(SelectedPaths(plan, rows), turned_rad)

@@ -185,9 +185,9 @@ def _status_cell(status: ParameterStatus) -> CellWithValues:
     return CellWithValues("applied" if status is ParameterStatus.USED else status.value, {"": status.value})
 
 
-def _value_with_sigma_cell(value: float, sigma: float, digits: str, **more: None) -> CellWithValues:
-    """Return a cell with a value and its sigma, "" without a value; `more` adds entries that are null in JSON."""
+def _value_with_sigma_cell(value: float, sigma: float, digits: str, **null_entries: None) -> CellWithValues:
+    """Return a cell with a value and its sigma, "" without a value; `null_entries` are null in JSON."""
     text = "" if math.isnan(value) else f"{value:{digits}}"
     if text and not math.isnan(sigma):
         text += f" +- {sigma:{'.0f' if digits == '.0f' else '.2g'}}"
-    return CellWithValues(text, {"": value, "sigma": sigma, **more})
+    return CellWithValues(text, {"": value, "sigma": sigma, **null_entries})

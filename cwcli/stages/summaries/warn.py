@@ -38,14 +38,14 @@ class RuleOutcome:
     sections: tuple[SummaryTable, ...]
 
 
-def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
+def continue_event_numbers(outcomes: Sequence[RuleOutcome], earlier: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
     """Number the events over all rules, which makes each id unique in the channel.
 
     Args:
-        after: Warnings that are in the channel already.
+        earlier: Warnings that are in the channel already.
     """
     result: list[RuleOutcome] = []
-    n_before = max(map(_greatest_event_id_or_zero, after), default=0)
+    n_before = max(map(_greatest_event_id_or_zero, earlier), default=0)
     for outcome in outcomes:
         n = _greatest_event_id_or_zero(outcome.rows)
         result.append(_shift_event_ids(outcome, n_before) if n_before else outcome)
@@ -98,7 +98,7 @@ def build_warnings_result(
     outcomes: Sequence[RuleOutcome],
     inputs: tuple[InputMessageCount, ...],
     notes: tuple[str, ...],
-    **more: str,
+    **record: str,
 ) -> tuple[StageResult, tuple[WarningRows, ...]]:
     """Build the result of a warning stage. The warnings of an earlier stage of the same run stay in the channel.
 
@@ -107,11 +107,15 @@ def build_warnings_result(
     """
     is_there = any(channel.topic == WARNINGS.topic for channel in log.added_channels)
     earlier = (read_warnings(log.columns(WARNINGS.topic)),) if is_there else ()
-    outcomes = number_events_over_rules(outcomes, after=earlier)
+    outcomes = continue_event_numbers(outcomes, earlier=earlier)
     channels = make_warning_and_log_channels([*earlier, *(outcome.rows for outcome in outcomes)])
     sections = tuple(section for outcome in outcomes for section in outcome.sections)
     summary = StageSummary(stage, sections, inputs, notes)
     result = StageResult(
-        stage, channels, tables_by_unique_name(outcomes), summary, build_run_record(stage, log, config, summary, **more)
+        stage,
+        channels,
+        tables_by_unique_name(outcomes),
+        summary,
+        build_run_record(stage, log, config, summary, **record),
     )
     return result, earlier

@@ -10,7 +10,7 @@ import pytest
 from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.near_lane import (
     convert_sine_states_to_angles,
-    lane_at_nearer_preview,
+    move_lanes_to_nearer_preview,
     reference_to_actual_speed_ratio,
 )
 from cwcli.dynamics.observer import observe_lateral_motion
@@ -57,7 +57,7 @@ def test_how_quickly_roads_bend_goes_with_the_speed() -> None:
 
 def test_the_preview_point_is_nearer_where_the_car_is_slow_or_the_lane_turns() -> None:
     lanes = frames((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.5, 0.0, -0.02), (0.0, 0.0, 1.0 / 4.0))
-    near, at_m, change = lane_at_nearer_preview(lanes, np.array([25.0, 6.25, 25.0, 25.0]), PREVIEW_M, 0.0)
+    near, at_m, change = move_lanes_to_nearer_preview(lanes, np.array([25.0, 6.25, 25.0, 25.0]), PREVIEW_M, 0.0)
     # a quarter of the speed: an eighth of the distance; on 50 m the sine of 0.4 is at 20 m, on 4 m nearer than 2 m
     np.testing.assert_allclose(at_m, [33.5, 33.5 / 8.0, 20.0, 2.0])
     # 50 m to the right, 0.5 m to the left: y_L is right positive, e_L the sine, K_L right positive
@@ -68,7 +68,7 @@ def test_the_preview_point_is_nearer_where_the_car_is_slow_or_the_lane_turns() -
 
 
 def test_the_change_of_the_curvature_is_handed_on() -> None:
-    near, at_m, change = lane_at_nearer_preview(
+    near, at_m, change = move_lanes_to_nearer_preview(
         frames((0.0, 0.0, 0.01), change_1pm2=0.0008), np.array([12.5]), PREVIEW_M, 0.0
     )
     assert change.tolist() == [0.0008]
@@ -81,7 +81,7 @@ def test_the_change_of_the_curvature_is_handed_on() -> None:
 def test_the_preview_point_is_ahead_of_the_camera_and_of_the_car(camera_forward_m: float, nearest_m: float) -> None:
     """At 5 m/s it would be 33.5 m / 5^1.5 = 3.0 m ahead of the camera, where the lane turns nearer still."""
     lanes = frames((0.0, 0.0, 0.0), (0.0, 0.0, 1.0 / 4.0))
-    _, at_m, _ = lane_at_nearer_preview(lanes, np.array([5.0, 5.0]), PREVIEW_M, camera_forward_m)
+    _, at_m, _ = move_lanes_to_nearer_preview(lanes, np.array([5.0, 5.0]), PREVIEW_M, camera_forward_m)
     np.testing.assert_allclose(at_m[0], max(33.5 / 5.0**1.5, nearest_m))
     if nearest_m < 4.0:  # there is no lane farther on
         np.testing.assert_allclose(at_m[1], nearest_m)
@@ -107,7 +107,7 @@ def test_frames_that_tell_no_shape_stay_as_they_are() -> None:
     told = frames((0.0, 0.0, 0.0))
     bare = replace(told, lateral_deviation_m=np.full(1, 0.3), lines=np.full((1, 2, 3), np.nan))
     for lanes in (bare, replace(bare, lines=None, curvature_change_1pm2=None)):
-        near, at_m, change = lane_at_nearer_preview(lanes, np.array([5.0]), PREVIEW_M, 0.0)
+        near, at_m, change = move_lanes_to_nearer_preview(lanes, np.array([5.0]), PREVIEW_M, 0.0)
         assert (near.lateral_deviation_m[0], at_m[0], change[0]) == (0.3, 33.5, 0.0)
 
 

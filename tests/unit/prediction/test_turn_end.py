@@ -5,7 +5,7 @@ import pytest
 
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
-from cwcli.prediction.turn_end import end_turns_of_paths_at_quarter_turn, left_turn_on_last_way_rad
+from cwcli.prediction.turn_end import end_turns_of_paths_at_quarter_turn, left_turn_on_last_stretch_rad
 
 RATE_HZ = 10
 SETTINGS = RolloutSettings(horizon_s=4.0, step_s=0.01)
@@ -62,7 +62,7 @@ def test_what_was_turned_before_counts(turned_deg: float, side: float, left_deg:
 def test_the_change_of_heading_counts_over_the_last_thirty_metres() -> None:
     # 10 m/s for 10 s, 0.2 rad/s to the left: 0.6 rad in 30 m; from a start on the way it counts from there
     stamp_ns, state = drive(np.full(101, 10.0), np.full(101, 0.2))
-    turned = left_turn_on_last_way_rad(stamp_ns, stamp_ns, state)
+    turned = left_turn_on_last_stretch_rad(stamp_ns, stamp_ns, state)
     assert turned[0] == 0.0
     assert turned[20] == pytest.approx(0.4)
     assert turned[30:] == pytest.approx(np.full(71, 0.6))
@@ -71,7 +71,7 @@ def test_the_change_of_heading_counts_over_the_last_thirty_metres() -> None:
 def test_waiting_in_a_turn_does_not_make_it_a_new_one() -> None:
     speed = np.concatenate([np.full(21, 5.0), np.zeros(600), np.full(5, 5.0)])
     stamp_ns, state = drive(speed, np.where(speed > 0.0, 0.4, 0.0))
-    turned = left_turn_on_last_way_rad(stamp_ns, stamp_ns, state)
+    turned = left_turn_on_last_stretch_rad(stamp_ns, stamp_ns, state)
     assert turned[20:621] == pytest.approx(np.full(601, 0.8))  # 2 s with 0.4 rad/s
     assert turned[-1] == pytest.approx(1.0)
 
@@ -81,8 +81,8 @@ def test_a_heading_that_passes_the_opposite_of_east_has_not_turned_back() -> Non
     wrapped = state.copy()
     wrapped[:, 3] = (state[:, 3] + 3.0 + np.pi) % (2.0 * np.pi) - np.pi
     np.testing.assert_allclose(
-        left_turn_on_last_way_rad(stamp_ns, stamp_ns, wrapped),
-        left_turn_on_last_way_rad(stamp_ns, stamp_ns, state),
+        left_turn_on_last_stretch_rad(stamp_ns, stamp_ns, wrapped),
+        left_turn_on_last_stretch_rad(stamp_ns, stamp_ns, state),
         atol=1e-12,
     )
 
@@ -93,7 +93,7 @@ def test_states_that_come_later_than_newer_ones_change_nothing() -> None:
     log_time_ns[10] = stamp_ns[15]  # overtaken by four others
     strange = state.copy()
     strange[10, 3] = 2.0
-    one, other = (left_turn_on_last_way_rad(stamp_ns, log_time_ns, each) for each in (state, strange))
+    one, other = (left_turn_on_last_stretch_rad(stamp_ns, log_time_ns, each) for each in (state, strange))
     np.testing.assert_array_equal(one, other)
     # the overtaken state has what was known before it
     assert one[10] == one[9]
@@ -102,5 +102,5 @@ def test_states_that_come_later_than_newer_ones_change_nothing() -> None:
 def test_an_unknown_heading_leaves_the_known_turn() -> None:
     stamp_ns, state = drive(np.full(31, 5.0), np.full(31, 0.2))
     state[0, 3] = np.nan
-    assert left_turn_on_last_way_rad(stamp_ns, stamp_ns, state)[-1] == pytest.approx(0.2 * 2.9)
-    assert left_turn_on_last_way_rad(stamp_ns[:0], stamp_ns[:0], state[:0]).shape == (0,)
+    assert left_turn_on_last_stretch_rad(stamp_ns, stamp_ns, state)[-1] == pytest.approx(0.2 * 2.9)
+    assert left_turn_on_last_stretch_rad(stamp_ns[:0], stamp_ns[:0], state[:0]).shape == (0,)

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import encode_strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.stitch import join_changed_ids
+from cwcli.signals.stitch import join_changed_station_ids
 
 T0_NS = 1_600_000_000_000_000_000
 HERE = LocalMap(50.0, 8.0, 100.0)
@@ -103,7 +103,7 @@ def score(n_scenes: int, seed: int) -> tuple[int, int, int]:
     for _ in range(n_scenes):
         made = scene(rng)
         true = {tuple(ids) for ids in made.ids if len(ids) == 2}
-        found = set(join_changed_ids(made.signal, HERE).joined)
+        found = set(join_changed_station_ids(made.signal, HERE).joined)
         n_changes += len(true)
         n_right += len(true & found)
         n_wrong += len(found - true)

@@ -16,7 +16,7 @@ from cwcli.signals.clocks import (
     earliest_known_times_ns,
     find_stamp_gaps,
     first_and_last_log_time_without_strays,
-    lines_about_channels_with_other_clock,
+    lines_on_channels_with_other_clock,
     repair_and_order_times,
     repaired_stamps_and_moved_mask,
 )
@@ -252,8 +252,8 @@ def test_find_gaps_does_not_call_the_usual_interval_a_gap() -> None:
 
 def test_disagreeing_clocks_names_the_one_that_counts_from_boot() -> None:
     qualities = [Quality("/gps/fix", "ego_position", delay_s=0.08), Quality("/v2x/bsm", "remote", delay_s=0.3)]
-    assert lines_about_channels_with_other_clock(qualities) == ()
-    lines = lines_about_channels_with_other_clock([*qualities, Quality("/imu", "imu", delay_s=1.5e9)])
+    assert lines_on_channels_with_other_clock(qualities) == ()
+    lines = lines_on_channels_with_other_clock([*qualities, Quality("/imu", "imu", delay_s=1.5e9)])
     assert len(lines) == 1
     assert lines[0].startswith("/imu: stamps are -1499999999.")
 

@@ -12,7 +12,7 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import Strings
-from cwcli.signals.stitch import MAX_ID_CHANGE_PAUSE_S, join_changed_ids
+from cwcli.signals.stitch import MAX_ID_CHANGE_PAUSE_S, join_changed_station_ids
 from tests.unit.signals.pseudonyms import HERE, RATE_HZ, T0_NS, Scene, scene, score
 
 N_SCENES = 40
@@ -34,7 +34,7 @@ def test_changes_among_ten_neighbours_are_found_and_no_two_cars_become_one() -> 
 
 def test_the_vehicle_keeps_its_first_id_and_every_message() -> None:
     made = alone()
-    found = join_changed_ids(made.signal, HERE)
+    found = join_changed_station_ids(made.signal, HERE)
     assert found.joined == (tuple(made.ids[0]),)
     assert found.signal.station.values == (made.ids[0][0],)
     assert set(found.signal.station.codes.tolist()) == {0}
@@ -45,16 +45,16 @@ def test_who_is_as_long_away_as_the_pause_allows_is_another() -> None:
     made = alone()
     is_second = made.signal.station.codes == 1
     late_ns = np.where(is_second, round(MAX_ID_CHANGE_PAUSE_S * 1e9), 0)
-    found = join_changed_ids(replace(made.signal, stamp_ns=made.signal.stamp_ns + late_ns), HERE)
+    found = join_changed_station_ids(replace(made.signal, stamp_ns=made.signal.stamp_ns + late_ns), HERE)
     assert found.joined == ()
 
 
 def test_another_size_is_another_vehicle() -> None:
     made = alone()
     is_second = made.signal.station.codes == 1
-    found = join_changed_ids(replace(made.signal, length_m=np.where(is_second, 12.0, 4.5)), HERE)
+    found = join_changed_station_ids(replace(made.signal, length_m=np.where(is_second, 12.0, 4.5)), HERE)
     assert found.joined == ()
-    unknown = join_changed_ids(replace(made.signal, length_m=np.where(is_second, np.nan, 4.5)), HERE)
+    unknown = join_changed_station_ids(replace(made.signal, length_m=np.where(is_second, np.nan, 4.5)), HERE)
     assert unknown.joined == (tuple(made.ids[0]),)
 
 
@@ -68,7 +68,7 @@ def test_two_that_could_be_either_stay_apart_and_are_counted() -> None:
     }
     codes = np.concatenate([signal.station.codes, signal.station.codes + 2]).astype(np.int32)
     station = replace(signal.station, codes=codes, values=(*signal.station.values, "0000000a", "0000000b"))
-    found = join_changed_ids(replace(signal, station=station, **twice), HERE)
+    found = join_changed_station_ids(replace(signal, station=station, **twice), HERE)
     assert found.joined == ()
     assert found.n_undecided == 2
 
@@ -77,7 +77,7 @@ def test_an_id_that_goes_on_is_not_followed() -> None:
     made = alone()
     is_first = made.signal.station.codes == 0
     shift_ns = np.where(is_first, 0, -round(3.0 * 1e9))
-    found = join_changed_ids(replace(made.signal, stamp_ns=made.signal.stamp_ns + shift_ns), HERE)
+    found = join_changed_station_ids(replace(made.signal, stamp_ns=made.signal.stamp_ns + shift_ns), HERE)
     assert RATE_HZ > 1.0
     assert found.joined == ()
 
@@ -87,7 +87,7 @@ def test_a_name_without_messages_is_no_vehicle() -> None:
     station = replace(
         made.signal.station, values=("nobody", *made.signal.station.values), codes=made.signal.station.codes + 1
     )
-    found = join_changed_ids(replace(made.signal, station=station), HERE)
+    found = join_changed_station_ids(replace(made.signal, station=station), HERE)
     assert found.joined == (tuple(made.ids[0]),)
     assert found.signal.station.values == (made.ids[0][0],)
 
@@ -97,22 +97,22 @@ def test_who_reverses_is_joined_too() -> None:
     made = alone()
     signal = made.signal
     turned = replace(signal, speed_mps=-signal.speed_mps, accel_mps2=-signal.accel_mps2)
-    found = join_changed_ids(replace(turned, heading_rad=signal.heading_rad + np.pi), HERE)
+    found = join_changed_station_ids(replace(turned, heading_rad=signal.heading_rad + np.pi), HERE)
     assert found.joined == (tuple(made.ids[0]),)
 
 
 def test_too_many_pairs_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("cwcli.signals.stitch.MAX_COMPARED_ID_PAIRS", 0)
     with pytest.raises(UsageError, match="2 ids are too many to be joined: 1 pairs are less than 3 s apart"):
-        join_changed_ids(alone().signal, HERE)
+        join_changed_station_ids(alone().signal, HERE)
 
 
 def test_blocks_of_pairs_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     made = scene(np.random.default_rng(3))
-    whole = join_changed_ids(made.signal, HERE)
+    whole = join_changed_station_ids(made.signal, HERE)
     assert whole.joined
     monkeypatch.setattr("cwcli.signals.stitch.PAIRS_PER_BLOCK", 1)
-    assert join_changed_ids(made.signal, HERE).joined == whole.joined
+    assert join_changed_station_ids(made.signal, HERE).joined == whole.joined
 
 
 def test_many_ids_are_joined_in_little_memory() -> None:
@@ -150,7 +150,7 @@ def test_many_ids_are_joined_in_little_memory() -> None:
         message_count=nothing,
     )
     tracemalloc.start()
-    found = join_changed_ids(signal, None)
+    found = join_changed_station_ids(signal, None)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert (len(found.joined), found.n_undecided) == (n, 0)

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from cwcli.logs.read.reader import Log
 from cwcli.signals.transforms import Transform, camera_pose_from_matrix, find_body_frame_and_transform
 from cwcli.simulate.road_log import CAMERA_FRAME_ID, parse_road_log_config, plan_configured_drive, write_road_log
-from cwcli.stages.inputs.camera import find_mounting
+from cwcli.stages.inputs.camera import find_camera_mounting
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.mounting import MountingChoice
 
@@ -155,7 +155,7 @@ LOGS = {
 @pytest.mark.parametrize("frame_id", ["camera_optical_frame", "camera_link", "/camera_link"])
 def test_mounting_from_transforms(make: Any, frame_id: str, tmp_path: Path) -> None:
     with Log.open(make(tmp_path / "tf.mcap")) as log:
-        found = find_mounting(log, frame_id, MountingChoice())
+        found = find_camera_mounting(log, frame_id, MountingChoice())
     for name in ("height_m", "pitch_rad", "yaw_rad", "roll_rad", "lateral_offset_m"):
         assert getattr(found.mounting, name) == pytest.approx(getattr(MOUNTED, name), abs=ATOL), name
     assert found.is_pitch_known
@@ -179,7 +179,7 @@ def test_mounting_of_a_rendered_road(tmp_path: Path) -> None:
     config = parse_road_log_config("clear", 1, ("duration_s=0.2", "size=64x48"))
     write_road_log(plan_configured_drive(config), config, path)
     with Log.open(path) as log:
-        found = find_mounting(log, CAMERA_FRAME_ID, MountingChoice())
+        found = find_camera_mounting(log, CAMERA_FRAME_ID, MountingChoice())
     assert found.mounting.height_m == pytest.approx(1.65)
     assert found.mounting.pitch_rad == pytest.approx(math.atan(1.65 / 33.5), abs=1e-9)
     assert (found.mounting.yaw_rad, found.mounting.roll_rad) == pytest.approx((0.0, 0.0), abs=1e-9)
@@ -188,10 +188,10 @@ def test_mounting_of_a_rendered_road(tmp_path: Path) -> None:
 
 def test_option_before_transform_before_default(tmp_path: Path) -> None:
     with Log.open(ros2_log(tmp_path / "tf.mcap", [("/tf_static", TREE)])) as log:
-        found = find_mounting(log, "camera_link", MountingChoice(pitch_rad=0.2))
-        whole = find_mounting(log, "camera_link", Mounting(height_m=2.0))
-        unknown = find_mounting(log, "elsewhere", MountingChoice(height_m=2.0))
-        nothing = find_mounting(log, "elsewhere", MountingChoice())
+        found = find_camera_mounting(log, "camera_link", MountingChoice(pitch_rad=0.2))
+        whole = find_camera_mounting(log, "camera_link", Mounting(height_m=2.0))
+        unknown = find_camera_mounting(log, "elsewhere", MountingChoice(height_m=2.0))
+        nothing = find_camera_mounting(log, "elsewhere", MountingChoice())
     assert found.mounting.pitch_rad == 0.2
     assert found.mounting.height_m == pytest.approx(1.45)
     assert "--camera-pitch counts before the transform" in found.notes
@@ -219,7 +219,7 @@ def test_option_before_transform_before_default(tmp_path: Path) -> None:
 )
 def test_transforms_that_are_not_used(edges: tuple[Transform, ...], says: str, tmp_path: Path) -> None:
     with Log.open(ros2_log(tmp_path / "tf.mcap", [("/tf_static", edges)])) as log:
-        found = find_mounting(log, "cam", MountingChoice())
+        found = find_camera_mounting(log, "cam", MountingChoice())
     assert says in found.notes[0]
     assert found.mounting == Mounting()
 
@@ -239,7 +239,7 @@ def test_unreadable_transforms_are_counted(tmp_path: Path) -> None:
     huge["transforms"][0]["transform"]["translation"]["x"] = 10**400  # a whole number that no float can hold
     documents = [{"transforms": 3}, {"nothing": 1}, huge, ros_message(TREE)]
     with Log.open(json_log(tmp_path / "tf.mcap", "tf2_msgs/msg/TFMessage", documents)) as log:
-        found = find_mounting(log, "camera_link", MountingChoice())
+        found = find_camera_mounting(log, "camera_link", MountingChoice())
     assert found.mounting.height_m == pytest.approx(1.45)
     (count,) = found.counts
     assert (count.read, count.used, dict(count.rejected)) == (4, 1, {"not a transform": 3})

@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.prediction.plan import PathPlan, SelectedPaths
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
-from cwcli.prediction.turn_end import TurnEndingPaths, left_turn_on_last_way_rad
+from cwcli.prediction.turn_end import TurnEndingPaths, left_turn_on_last_stretch_rad
 from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.types import VehicleTrack
 from tests.unit.warning.vehicles import stamps, straight
@@ -35,7 +35,7 @@ def turner(lane_y_m: float) -> VehicleTrack:
     onset = SelectedPaths(PathPlan("onset", SETTINGS, state, covariance), np.arange(len(time)))
     return VehicleTrack(
         "turner", stamp_ns, stamp_ns, state, roll_out_paths("cv", state, covariance, SETTINGS),
-        onset_paths=TurnEndingPaths(onset, left_turn_on_last_way_rad(stamp_ns, stamp_ns, state)),
+        onset_paths=TurnEndingPaths(onset, left_turn_on_last_stretch_rad(stamp_ns, stamp_ns, state)),
     )  # fmt: skip
 
 

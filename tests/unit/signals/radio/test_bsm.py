@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.signals.bsm_flags import EVENT_FLAG_NAMES, HARD_BRAKING_FLAG_NAME
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, DecodedMessages, Octets, decode_messages
-from cwcli.signals.radio.program import compile_type, load_message_type
+from cwcli.signals.radio.program import compile_asn1_type, load_message_type
 from cwcli.signals.radio.standard_messages import BSM_EVENT_FLAGS_PATH
 from tests.unit.signals.radio import packing
 from tests.unit.signals.radio.vectors import BSM_ODE, CORE_ODE, CRUMBS_ODE, PREDICTION_ODE
@@ -17,12 +17,12 @@ N_MUTATED = 20_000
 CRUMB_NAMES = ("latOffset", "lonOffset", "elevationOffset", "timeOffset")
 CRUMBS_PATH = "partII.partII-Value.pathHistory.crumbData"
 PREDICTION_PATH = "partII.partII-Value.pathPrediction"
-CORE_PROGRAM = compile_type(
+CORE_PROGRAM = compile_asn1_type(
     load_message_type("bsm"),
     (*packing.CORE, BSM_EVENT_FLAGS_PATH, *(f"{PREDICTION_PATH}.{name}" for name in ("radiusOfCurve", "confidence"))),
 )
 """All components of part I, and some of part II, more than cwcli reads."""
-HISTORY_PROGRAM = compile_type(
+HISTORY_PROGRAM = compile_asn1_type(
     load_message_type("bsm"), tuple(f"{CRUMBS_PATH}.{name}" for name in CRUMB_NAMES), (CRUMBS_PATH,)
 )
 """The points of the path history."""
