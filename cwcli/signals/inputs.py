@@ -143,9 +143,8 @@ def _v2x_inputs(codec: str, fields: Fields, *, says_who_is_ego: bool = False) ->
 
 def _perceived_object_inputs(codec: str, fields: Fields) -> tuple[Input, ...]:
     """Return the registry row of a schema whose messages tell of other objects or events only."""
-    return Input(
-        Role.REMOTE, fields, builder_imported_at_first_call("builders.v2x.build_remote", codec), is_additive=True
-    )
+    build = builder_imported_at_first_call("builders.v2x.build_remote", codec)
+    return (Input(Role.REMOTE, fields, build, is_additive=True),)
 
 
 _JSON_BSM_FIELDS = LazyFields("j2735.JSON_LEAF_FIELDS", ("json",))

@@ -67,11 +67,6 @@ class Quality:
         """The number of the signal's rows, those of objects in the messages included."""
         return self.used + (self.objects.n_rows if self.objects is not None else 0)
 
-    @property
-    def n_faults(self) -> int:
-        """The number of rejections and repairs together."""
-        return sum(self.rejected.values()) + sum(self.repaired.values())
-
     def combine_with(self, other: Quality) -> Quality:
         """Return these counts and others of the same channel added up."""
 

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
 from types import MappingProxyType
 
-import numpy as np
-
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.detectors import DetectionScans, simulate_detections
 from cwcli.simulation.scenario import HOST_NAME, Scenario
 from cwcli.simulation.sensors import SensorData, simulate_sensor_messages
 from cwcli.simulation.spec import DETECTOR_KEYS, SENSOR_KEYS
-from cwcli.simulation.streams import RunSpan, seconds_to_ns
-from cwcli.simulation.truth import TRUTH_GRID_STEP_S
+from cwcli.simulation.streams import RunSpan
 from cwcli.simulation.v2x_link import ReceivedMessages, simulate_received_messages
 
 
@@ -36,28 +31,6 @@ class SimulatedDrive:
     sensors: Mapping[str, SensorData]
     v2x: Mapping[str, ReceivedMessages]
     detections: Mapping[str, DetectionScans]
-
-    @cached_property
-    def truth_stamp_ns(self) -> Int64Array:
-        """Stamps of the truth, shape (m,): a grid of 1 ms over the run, ns since 1970."""
-        return self.scenario.start_ns + seconds_to_ns(self._truth_time_s)
-
-    @cached_property
-    def true_states_by_vehicle(self) -> Mapping[str, FloatArray]:
-        """True states (m, 8) by vehicle name.
-
-        Columns are those of `vehicle_state.STATE_NAMES`, in the `map` frame, with the heading not wrapped.
-        """
-        vehicles = self.scenario.vehicles.items()
-        return MappingProxyType({name: vehicle.motion.states_at(self._truth_time_s) for name, vehicle in vehicles})
-
-    @property
-    def _truth_time_s(self) -> FloatArray:
-        """The times of the truth, shape (m,), seconds of the run."""
-        return (
-            np.arange(int(np.floor(self.scenario.duration_s / TRUTH_GRID_STEP_S + 1e-9)) + 1, dtype=np.float64)
-            * TRUTH_GRID_STEP_S
-        )
 
 
 def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:

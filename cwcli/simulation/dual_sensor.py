@@ -1,7 +1,7 @@
 """Simulated scenes before a lidar and a radar: truth, detections, clutter, missed detections. Plain arrays.
 
 Axes: x right, y forward as in xiang2019 figure 1 for the paper's scenes (`simulate_static_target`,
-`simulate_target_on_path`). The sensors stand at the origin. Azimuth is counter-clockwise from the x axis.
+`observe_single_target`). The sensors stand at the origin. Azimuth is counter-clockwise from the x axis.
 """
 
 from __future__ import annotations
@@ -138,10 +138,3 @@ def times_and_true_states_on_path(
     t = np.arange(n, dtype=np.float64) * period_s
     path, h = TARGET_PATHS[name], 1e-5
     return t, np.concatenate([path(t), (path(t + h) - path(t - h)) / (2.0 * h)], axis=1)
-
-
-def simulate_target_on_path(
-    name: str, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PAPER_SAMPLE_PERIOD_S
-) -> DualSensorScene:
-    """Simulate one target along a named path (xiang2019 figures 7 and 8, table 1)."""
-    return observe_single_target(*times_and_true_states_on_path(name, n, period_s=period_s), noise, rng)

@@ -157,19 +157,6 @@ def lane_samples_from_boundaries(
     )
 
 
-def true_lane_at_preview(
-    truth: LaneDriveTruth,
-    run: int,
-    index: npt.NDArray[np.intp],
-    road: Road,
-    vehicle: Vehicle,
-    preview_m: float = DEFAULT_PREVIEW_POINT_DISTANCE_M,
-) -> FloatArray:
-    """Exact y_L, e_L and K_L of the lane's centre line, shape (n, 3)."""
-    _, y, slope, station = _sample_line_from_camera(truth, run, index, road, vehicle, 0.0, preview_m)
-    return np.column_stack([-y, -slope, -road.curvature_at_1pm(station)])
-
-
 def _truth_rows_of_frames(
     truth: LaneDriveTruth, noise: LaneSensorNoise, random: np.random.Generator
 ) -> npt.NDArray[np.intp]:

@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from cwcli.kernels import lane_search
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 
 PAPER_WIDTH_PX, PAPER_HEIGHT_PX = 320, 240
@@ -72,22 +71,3 @@ def nine_times_mean_road_grey(grey: GreyImage) -> int:
     patch = grey[PAPER_HEIGHT_PX - ROAD_PATCH_ROWS :, ROAD_PATCH_COLUMNS[0] : ROAD_PATCH_COLUMNS[1]]
     total, n = int(patch.sum(dtype=np.int64)), patch.size
     return (2 * 9 * total + n) // (2 * n)
-
-
-def parabola_objectives(
-    responses: ResponseArray, parabolas: FloatArray, *, is_left: bool
-) -> tuple[FloatArray, Int32Array]:
-    """Objectives F (eq. 2 or 3) of many parabolas.
-
-    Args:
-        responses: The block responses of one side.
-        parabolas: Shape (n, 3): a, b, c.
-        is_left: Whether the responses are those of the left boundary.
-
-    Returns:
-        Grey levels, shape (n,), -inf where no block lies on the image; and the numbers of blocks, shape (n,).
-    """
-    parabolas = np.ascontiguousarray(parabolas, np.float64)
-    value, n_blocks = lane_search.objective(responses, parabolas, is_left=is_left)
-    value[n_blocks == 0] = -np.inf
-    return value, n_blocks

@@ -21,7 +21,8 @@ import numpy as np
 from cwcli.simulation.dual_sensor import (
     DualSensorScene,
     SensorNoise,
-    simulate_target_on_path,
+    observe_single_target,
+    times_and_true_states_on_path,
 )
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
@@ -49,7 +50,7 @@ class Speed:
 
 def prepared_segment() -> PreparedDetections:
     """500 alternating lidar and radar samples of one walking target, without range rates (xiang2019 eq. 8)."""
-    scene = simulate_target_on_path("arc", N_SAMPLES, NOISE, np.random.default_rng(1))
+    scene = observe_single_target(*times_and_true_states_on_path("arc", N_SAMPLES), NOISE, np.random.default_rng(1))
     sensors = {
         "lidar": SensorModel(sigma=(NOISE.lidar_m,) * 2),
         "radar": SensorModel(sigma=(NOISE.range_m, NOISE.azimuth_rad, NOISE.rate_mps), use_range_rate=False),

@@ -100,7 +100,7 @@ def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, t
     reading: dict[str, Any] = {"ego_station": station_of(schema)} if is_v2x and entry.role != Role.REMOTE else {}
     signal, quality = build_signal(entry.role, columns, is_override=True, **reading)
     check_builder_result((signal, quality), columns, Reading(entry.role))
-    assert not quality.n_faults
+    assert not quality.rejected and not quality.repaired
     assert sum(quality.set_aside.values()) == (N if schema in PERCEIVED_SAMPLES else 0)  # their objects count
     message = samples[0][0]
     frame = message.get("frame_id", message.get("header", {}).get("frame_id", "map" if "x_m" in message else ""))

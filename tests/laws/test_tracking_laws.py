@@ -10,7 +10,7 @@ import pytest
 
 from cwcli.kernels import track as kernel
 from cwcli.metrics.chi_square import chi_square_mean_bounds
-from cwcli.simulation.dual_sensor import TARGET_PATHS, SensorNoise, simulate_target_on_path
+from cwcli.simulation.dual_sensor import TARGET_PATHS, SensorNoise, observe_single_target, times_and_true_states_on_path
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, MOTION_MODELS, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import DetectionRows, prepare_detections
@@ -183,7 +183,7 @@ def test_what_is_seen_exactly_is_known_exactly(name, model) -> None:
 @filters_and_models
 @pytest.mark.parametrize("angle", [0.7, np.pi])
 def test_turning_the_world_turns_the_track(name, model, angle) -> None:
-    scene = simulate_target_on_path("weave", 120, NOISE, np.random.default_rng(3))
+    scene = observe_single_target(*times_and_true_states_on_path("weave", 120), NOISE, np.random.default_rng(3))
     data = [
         Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
         Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar),
@@ -255,7 +255,8 @@ def test_nees_and_nis_lie_inside_their_bounds(name) -> None:
 
 @pytest.mark.parametrize("name", TARGET_PATHS)
 def test_a_scene_repeats_with_its_seed_and_its_velocity_is_the_paths(name) -> None:
-    a, b = (simulate_target_on_path(name, 50, NOISE, np.random.default_rng(9)) for _ in range(2))
+    truth = times_and_true_states_on_path(name, 50)
+    a, b = (observe_single_target(*truth, NOISE, np.random.default_rng(9)) for _ in range(2))
     np.testing.assert_array_equal(a.radar, b.radar)
     middle = (a.truth_state[2:, :2] - a.truth_state[:-2, :2]) / 0.1
     np.testing.assert_allclose(a.truth_state[1:-1, 2:], middle, atol=0.02)

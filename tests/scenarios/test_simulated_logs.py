@@ -20,6 +20,7 @@ from cwcli.simulate.sensor_log import write_simulated_log
 from cwcli.simulation.catalogue import scenario_text
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import load_scenario, parse_scenario
+from tests.drive_truth import true_states_of_vehicle
 
 NS = 1_000_000_000
 SAMPLE_DIR = Path(__file__).parents[2] / "sample_logs"
@@ -166,7 +167,7 @@ def test_truth_channels_hold_exact_states_in_map_and_wgs84(crossing: tuple[Simul
         rows = [state for _, state in messages(path, topic)]
         assert {row.id for row in rows} == {ident}
         got = np.array([[row.x_m, row.y_m, row.speed_mps, row.heading_rad, row.yaw_rate_radps] for row in rows])
-        np.testing.assert_allclose(got, drive.true_states_by_vehicle[name][::50][:, [0, 1, 2, 3, 5]], atol=1e-9)
+        np.testing.assert_allclose(got, true_states_of_vehicle(drive, name)[::50][:, [0, 1, 2, 3, 5]], atol=1e-9)
         distance = Geod(ellps="WGS84").inv(112.9388, 28.1795, rows[0].longitude_deg, rows[0].latitude_deg)[2]
         assert distance == pytest.approx(np.hypot(got[0, 0], got[0, 1]), abs=2e-3)
     assert messages(path, "/truth/ego")[0][1].length_m == 4.2

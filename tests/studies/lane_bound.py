@@ -21,9 +21,9 @@ from cwcli.vision.objective import (
     PAPER_WIDTH_PX,
     ResponseArray,
     compute_block_responses,
-    parabola_objectives,
 )
 from cwcli.vision.zhang2011 import PARAMETER_DECIMALS, FIRST_LEFT_REGION, FIRST_RIGHT_REGION, MIN_SHOWN_BLOCKS
+from tests.unit.vision.parabola_objectives import parabola_objectives
 
 EVERY = 2
 

@@ -47,6 +47,7 @@ from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from tests.studies import sensor_faults
 from tests.studies.sensor_faults import FAULTS, LATER_FAULTS, ROAD_FAULTS, SOFTWARE_FAULTS, Fault
 from tests.studies.sensor_model import measurements_of
+from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
 LEAN = (Kind.POSITION, Kind.IMU)
 DOUBT_WORDS = "for long, and scatters"
@@ -180,9 +181,9 @@ def estimated(
     drive: SimulatedDrive, measurements: Sequence[Measurements], ahead_m: float = 0.0
 ) -> tuple[float, float, Track]:
     """The root mean square error (m) and NEES per degree of freedom of a point ahead of the true one, and the track."""
-    stamp_ns = drive.truth_stamp_ns[::50]
+    stamp_ns = truth_stamps_ns(drive)[::50]
     track = estimate_track(measurements, EstimatorConfig(), stamp_ns)
-    true = drive.true_states_by_vehicle[HOST_NAME][::50]
+    true = true_states_of_vehicle(drive, HOST_NAME)[::50]
     error = track.state[:, :2] - true[:, :2] - ahead_m * np.column_stack([np.cos(true[:, 3]), np.sin(true[:, 3])])
     squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(track.covariance[:, :2, :2]), error)
     return float(np.sqrt((error**2).sum(axis=1).mean())), float(squared.mean()) / 2.0, track
@@ -226,7 +227,7 @@ def run_fault(drive: SimulatedDrive, right: Sequence[Measurements], fault: Fault
 
 
 def _case_of_fault(estimates: Estimates, right: Sequence[Measurements], fault: Fault, least_m: float) -> Case:
-    true = estimates.drive.true_states_by_vehicle[HOST_NAME][::50]
+    true = true_states_of_vehicle(estimates.drive, HOST_NAME)[::50]
     time_s = 0.05 * np.arange(len(true))
     sensor_faults.STANDING_SPEED[:] = [time_s, np.abs(true[:, 2])]
     sensor_faults.TRUE_HEADING[:] = [time_s, true[:, 3]]

@@ -37,6 +37,7 @@ from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
 from tests.studies.never_worse import REAL as REAL_LOGS
 from tests.studies.sensor_model import KINDS
+from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
 FIRST_SEED = 4000
 MEDIANS, MOST, REAL = (0.7, 1.4), 4.0, (0.5, 4.0)
@@ -84,7 +85,7 @@ def track_nees(track: Track, stamp_ns: np.ndarray, truth: np.ndarray, rows: np.n
 
 def drive_nees(drive: SimulatedDrive, config: EstimatorConfig = EstimatorConfig()) -> Nees:
     """Both tracks of a drive against its truth, 20 times a second."""
-    stamp_ns, truth = drive.truth_stamp_ns[::50], drive.true_states_by_vehicle[HOST_NAME][::50]
+    stamp_ns, truth = truth_stamps_ns(drive)[::50], true_states_of_vehicle(drive, HOST_NAME)[::50]
     rows = stamp_ns >= stamp_ns[0] + int(SETTLED_S * 1e9)
     tracks = estimate_hindsight_and_online_tracks(received_measurements(drive), config, stamp_ns, blind=False)
     return {

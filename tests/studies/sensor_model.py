@@ -24,6 +24,7 @@ from cwcli.estimation.consistency import nees
 from cwcli.signals.angles import wrap_angle
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
 SPEED_BOUND_MPS = 0.03
 NEES_BOUNDS = (0.5, 2.0)
@@ -68,8 +69,8 @@ def one_run(
     given: LatencyOption = {s: float(v["latency_s"]) for s, v in drive.scenario.sensors.items()}
     if latency in ("auto", "none"):
         given = latency  # type: ignore[assignment]
-    stamp_ns = drive.truth_stamp_ns[::50]
-    truth = drive.true_states_by_vehicle[HOST_NAME][::50].copy()
+    stamp_ns = truth_stamps_ns(drive)[::50]
+    truth = true_states_of_vehicle(drive, HOST_NAME)[::50].copy()
     truth[:, :2] += ahead_m * np.column_stack([np.cos(truth[:, 3]), np.sin(truth[:, 3])])
     track = estimate_track(measurements_of(drive), EstimatorConfig(latency=given, **config), stamp_ns)  # type: ignore[arg-type]
     error = track.state - truth

@@ -22,6 +22,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import HOST_NAME, load_scenario
 from tests.studies.sensor_model import measurements_of
+from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
 LEAD_IN_S = 10.0
 
@@ -63,11 +64,11 @@ def one_run(
         measurements = [m for m in measurements if m.kind is Kind.POSITION]
     first = max(int(m.stamp_ns.min()) for m in measurements)
     last = min(int(m.stamp_ns.max()) for m in measurements)
-    rows = np.flatnonzero((drive.truth_stamp_ns >= first) & (drive.truth_stamp_ns <= last))[::50]
+    rows = np.flatnonzero((truth_stamps_ns(drive) >= first) & (truth_stamps_ns(drive) <= last))[::50]
     tracks = estimate_hindsight_and_online_tracks(
-        measurements, EstimatorConfig(), drive.truth_stamp_ns[rows], blind=False
+        measurements, EstimatorConfig(), truth_stamps_ns(drive)[rows], blind=False
     )
-    truth = drive.true_states_by_vehicle[HOST_NAME][rows]
+    truth = true_states_of_vehicle(drive, HOST_NAME)[rows]
     found = {
         f"{when} {name}": value
         for when, track in zip(("hindsight", "online"), tracks, strict=True)

@@ -226,8 +226,8 @@ def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: d
         n = sum(counts[each.topic_id] for each in others)
         if n:
             what = f"messages in the format {name}, which is not read, only CDR is"
-            topics = [_shorten_value(each.topic) for each in others]
-            notes[f"{what} ({format_first_names(topics, MAX_NAMES_SHOWN)})"] = n
+            texts = [_shorten_value(each.topic) for each in others]
+            notes[f"{what} ({format_first_names(texts, MAX_NAMES_SHOWN)})"] = n
 
 
 def _shorten_value(value: object) -> str:

@@ -66,8 +66,8 @@ def compile_asn1_type(root: Asn1Type, wanted_paths: Collection[str], list_paths:
 
     Args:
         wanted_paths: Paths of components, names joined by dots; a choice's own path is the index of its alternative.
-        list_paths: Paths of lists that get a table, a row for each element. Of elements of other lists the last one that
-            has the component counts.
+        list_paths: Paths of lists that get a table, a row for each element. Of elements of other lists the last one
+            that has the component counts.
 
     Raises:
         ValueError: A path does not exist, or the type is nested too deeply (a mistake in a table of this package).

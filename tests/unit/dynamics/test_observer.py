@@ -19,11 +19,11 @@ from cwcli.simulation.lane_camera import (
     LaneSensorNoise,
     SensedDrive,
     simulate_lane_sensors_of_run,
-    true_lane_at_preview,
 )
 from cwcli.simulation.lane_drive import LaneRuns, Road, simulate_lane_runs
 from cwcli.simulation.single_track import PAPER_RUNS, simulate_zhang2011_run
 from tests.unit.dynamics import naive_observer as naive
+from tests.unit.dynamics.true_lane import true_lane_at_preview
 from tests.work import count_calls
 
 CAR = load_vehicle()

@@ -26,6 +26,7 @@ from cwcli.estimation.summary import summarise_track
 from cwcli.estimation.verdict import consistency_verdict_sentence
 from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
+from tests.drive_truth import truth_stamps_ns
 from tests.studies.sensor_model import measurements_of
 
 USED, BEYOND = ParameterStatus.USED, ParameterStatus.CONTRADICTS
@@ -180,7 +181,7 @@ def test_a_speed_in_km_h_that_nobody_compares_is_absorbed_by_no_parameter() -> N
         for m in measurements_of(drive)
         if m.kind is not Kind.HEADING
     ]
-    track = estimate_track(in_kmh, EstimatorConfig(compares_sources=False), drive.truth_stamp_ns[::50])
+    track = estimate_track(in_kmh, EstimatorConfig(compares_sources=False), truth_stamps_ns(drive)[::50])
     for report in track.sources:
         for part, parameter in (("scale", report.scale), ("ahead", report.ahead_m)):
             if parameter.status is USED:

@@ -15,6 +15,7 @@ from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.passes import FilterStart, SensorSeries, run_filter_pass
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import load_scenario
+from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 from tests.studies.sensor_model import measurements_of
 from tests.studies.stamp_noise import jittered, judged, one_run
 
@@ -34,7 +35,7 @@ def fixes(made: SimulatedDrive, sigma_s: float, seed: int) -> Measurements:
 
 
 def error_of(m: Measurements, made: SimulatedDrive) -> Parameter:
-    track = estimate_track([m], EstimatorConfig(), made.truth_stamp_ns[1000::1000])
+    track = estimate_track([m], EstimatorConfig(), truth_stamps_ns(made)[1000::1000])
     return track.sources[0].stamp_error
 
 
@@ -77,9 +78,9 @@ def test_a_standing_car_shows_no_error() -> None:
 def test_blind_online_states_take_no_error_from_the_log() -> None:
     made = drive(0)
     config = EstimatorConfig(causal=True, blind=True)
-    track = estimate_track([fixes(made, 0.03, 0)], config, made.truth_stamp_ns[1000::1000])
+    track = estimate_track([fixes(made, 0.03, 0)], config, truth_stamps_ns(made)[1000::1000])
     assert track.sources[0].stamp_error == Parameter(0.0)
-    assert set(judged(track, made.true_states_by_vehicle["host"][1000::1000])) >= {"position", "speed"}
+    assert set(judged(track, true_states_of_vehicle(made, "host")[1000::1000])) >= {"position", "speed"}
 
 
 def test_a_calibration_gives_the_error() -> None:

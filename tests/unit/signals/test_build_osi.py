@@ -78,7 +78,7 @@ def test_simulated_time_begins_at_zero(tmp_path: Path) -> None:
     for role in (Role.EGO_POSITION, Role.EGO_SPEED, Role.REMOTE):
         signal, quality = read(write_trace(tmp_path / f"{role}.mcap", (CAR, OTHER), duration_s=1.0), role)
         assert signal.stamp_ns.tolist() == [round(k / 30.3 * 1e9) for k in range(31)]
-        assert not quality.n_faults
+        assert not quality.rejected and not quality.repaired
 
 
 def test_reversing_is_a_negative_speed_and_a_course_to_the_side_is_a_pedestrians_heading(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_imu_gives_vectors_and_the_variances_that_are_given() -> None:
     np.testing.assert_array_equal(signal.gyro_radps[:, 2], [0.5, 0.4, 0.3])
     np.testing.assert_array_equal(signal.accel_variance[0], [0.01, 0.02, 0.03])
     assert np.isnan(signal.gyro_variance).all()
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
 
 
 def test_imu_quantity_that_is_not_measured_is_nan_and_no_fault() -> None:
@@ -88,7 +88,7 @@ def test_imu_quantity_that_is_not_measured_is_nan_and_no_fault() -> None:
     assert isinstance(signal, ImuSignal)
     assert np.isnan(signal.gyro_radps).all()
     assert np.isfinite(signal.accel_mps2).all()
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
 
 
 def test_imu_row_that_is_not_finite_is_rejected() -> None:
@@ -187,7 +187,7 @@ def test_odometry_says_the_variances_of_speed_yaw_rate_and_heading() -> None:
     assert isinstance(speed, SpeedSignal)
     np.testing.assert_allclose(speed.speed_variance_m2ps2, [0.04] * 3)  # not of y, which is not measured
     np.testing.assert_array_equal(speed.yaw_rate_variance_rad2ps2, [0.01] * 3)
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
     heading, _ = build_signal(Role.EGO_POSITION, columns)
     assert isinstance(heading, PoseSignal)
     assert heading.yaw_variance_rad2 is not None

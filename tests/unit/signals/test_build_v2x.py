@@ -62,7 +62,7 @@ CAMS = {"cam": cam(), "cam-ts": cam(is_ts=True)}
 @pytest.mark.parametrize("columns", [*BSMS.values(), *CAMS.values(), *RADIO.values()], ids=[*BSMS, *CAMS, *RADIO])
 def test_every_dress_of_the_same_message_gives_the_same_car(columns: Columns) -> None:
     signal, quality = remote(columns)
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
     assert signal.station.values == (
         ("1001",) if "cam" in columns.schema_name or "udp" in columns.schema_name else ("2a3c603c",)
     )
@@ -168,7 +168,7 @@ QUANTITIES = (
 )
 def test_message_with_a_position_only_is_nan_elsewhere_and_no_fault(columns: Columns) -> None:
     signal, quality = remote(columns)
-    assert (quality.used, quality.n_faults) == (1, 0)
+    assert (quality.used, quality.rejected, quality.repaired) == (1, {}, {})
     for name in QUANTITIES:
         assert np.isnan(getattr(signal, name)).all(), name
     assert np.isnan(signal.position_covariance_m2).all()
@@ -250,7 +250,7 @@ def test_cam_value_that_is_not_to_be_trusted_is_left_out(changes: dict[str, int]
 def test_cam_of_a_roadside_unit_is_set_aside(changes: dict[str, int]) -> None:
     _, quality = remote(cam(changes))
     assert quality.set_aside == {"sent by a roadside unit": 1}
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
 
 
 def test_bsm_code_outside_its_range_is_left_out_and_counted() -> None:
@@ -279,7 +279,7 @@ def stream(stations: list[str], latitudes: list[int], dsecond_ms: list[int], **m
 def test_stations_are_kept_apart() -> None:
     columns = stream(["a", "b", "a", "b"], [1, 2, 3, 4], [10_000, 10_000, 10_100, 10_100])
     signal, quality = remote(columns)
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
     assert [signal.station.values[code] for code in signal.station.codes] == ["a", "b", "a", "b"]
 
 
@@ -335,7 +335,7 @@ def test_ode_record_says_whose_message_it_is() -> None:
 def test_faults_of_other_stations_are_not_counted_for_the_ego() -> None:
     columns = stream(["a", "b"], [1, 900_000_001], [10_000, 10_000], speed_mps=[500, 9000])
     _, quality = build_signal(Role.EGO_POSITION, columns, ego_station="a")
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
 
 
 @pytest.mark.parametrize("make", [ode_bsm, carma_bsm])

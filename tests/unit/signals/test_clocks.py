@@ -57,7 +57,7 @@ def steady(n_rows: int) -> Int64Array:
 def test_settle_good_stamps_stay_and_nothing_is_counted() -> None:
     timeline, quality = settled(steady(10))
     np.testing.assert_array_equal(timeline.stamp_ns, steady(10))
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
     assert quality.delay_s == pytest.approx(0.08, abs=1e-9)
 
 
@@ -114,7 +114,7 @@ def test_settle_jump_of_the_log_time_leaves_the_stamps_alone() -> None:
     log_ns[10:] += HOUR_NS
     timeline, quality = settled(steady(20), log_ns=log_ns)
     np.testing.assert_array_equal(timeline.stamp_ns, steady(20))
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
 
 
 def test_settle_channel_that_pauses_for_an_hour_is_not_a_jump() -> None:
@@ -122,7 +122,7 @@ def test_settle_channel_that_pauses_for_an_hour_is_not_a_jump() -> None:
     stamps[10:] += HOUR_NS
     timeline, quality = settled(stamps, log_ns=stamps + DELAY_NS)
     np.testing.assert_array_equal(timeline.stamp_ns, stamps)
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
     assert len(quality.gaps) == 1
     assert quality.gaps[0].duration_s == pytest.approx(3600.1, abs=1e-6)
 
@@ -132,7 +132,7 @@ def test_settle_recorder_that_stalls_ten_seconds_is_not_a_jump() -> None:
     log_ns[50:150] = np.maximum(log_ns[50:150], log_ns[150])
     timeline, quality = settled(steady(200), log_ns=log_ns)
     np.testing.assert_array_equal(timeline.stamp_ns, steady(200))
-    assert quality.n_faults == 0
+    assert not quality.rejected and not quality.repaired
 
 
 def test_settle_rows_out_of_order_are_sorted() -> None:

@@ -15,7 +15,7 @@ def test_every_named_builder_exists() -> None:
     for build in builds:
         assert build.__closure__ is not None
         names = dict(zip(build.__code__.co_freevars, (cell.cell_contents for cell in build.__closure__), strict=True))
-        for place in names["places"]:
+        for place in names["builder_and_first_arguments"]:
             assert load_attribute_of_signals(place) is not None
 
 

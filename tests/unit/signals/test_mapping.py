@@ -35,7 +35,7 @@ def built(role: Role, text: str, fields: dict, **more) -> tuple[Any, Quality]:
 def test_scale_offset_unit_and_sign(text: str, expected_mps: float) -> None:
     signal, quality = built(Role.EGO_SPEED, text, {"v": [36.0, 36.0], **stamp_fields([T0_NS, T0_NS + 1])})
     np.testing.assert_allclose(signal.speed_mps, [expected_mps] * 2)
-    assert not quality.n_faults
+    assert not quality.rejected and not quality.repaired
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_two_quantities_and_a_time_in_microseconds() -> None:
     signal, quality = built(Role.EGO_POSITION, "/g:lat*1e-7,lon*1e-7@t_us*us", fields)
     np.testing.assert_allclose(signal.latitude_deg, [48.1, 48.10001], atol=1e-9)
     assert signal.stamp_ns.tolist() == (micro * 1000).tolist()
-    assert not quality.n_faults
+    assert not quality.rejected and not quality.repaired
 
 
 def test_time_in_seconds_and_one_of_two_fields() -> None:
@@ -90,7 +90,7 @@ def test_time_in_seconds_and_one_of_two_fields() -> None:
 def test_without_a_time_the_log_times_count_and_are_no_repair() -> None:
     signal, quality = built(Role.EGO_SPEED, "/s:v", {"v": [1.0, 2.0]})
     assert signal.stamp_ns.tolist() == [T0_NS, T0_NS + 10**8]
-    assert not quality.n_faults
+    assert not quality.rejected and not quality.repaired
 
 
 def test_element_of_a_sequence() -> None:

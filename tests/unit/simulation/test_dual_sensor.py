@@ -6,8 +6,8 @@ from cwcli.simulation.dual_sensor import (
     SensorNoise,
     measure_positions_with_lidar,
     measure_states_with_radar,
+    observe_single_target,
     simulate_static_target,
-    simulate_target_on_path,
     times_and_true_states_on_path,
 )
 from tests.crossing_targets import simulate_crossing_targets
@@ -50,7 +50,7 @@ def test_segments_are_smooth_walks_in_front_of_the_car(name) -> None:
     assert (state[:, 1] > 0.0).all()
     assert np.hypot(state[:, 0], state[:, 1]).max() < 25.0
     assert np.abs(np.diff(state[:, :2], axis=0)).max() < 0.11
-    scene = simulate_target_on_path(name, 240, NOISE, np.random.default_rng(1))
+    scene = observe_single_target(*times_and_true_states_on_path(name, 240), NOISE, np.random.default_rng(1))
     error = scene.lidar_xy - scene.truth_state[::2, :2]
     assert np.abs(error).max() < 0.5
 

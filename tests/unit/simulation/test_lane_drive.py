@@ -6,8 +6,9 @@ import pytest
 from cwcli.dynamics.single_track import steady_lateral_speed_and_yaw_rate, understeer_gradient_rad_per_mps2
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.simulation.drivers import TargetLineDriver
-from cwcli.simulation.lane_camera import LaneSensorNoise, simulate_lane_sensors_of_run, true_lane_at_preview
+from cwcli.simulation.lane_camera import LaneSensorNoise, simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import LaneRuns, Road, simulate_lane_runs
+from tests.unit.dynamics.true_lane import true_lane_at_preview
 
 CAR = load_vehicle()
 CALM = TargetLineDriver(unrest_mps2=0.0)

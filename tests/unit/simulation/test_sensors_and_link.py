@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import load_scenario
+from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
 NS = 1_000_000_000
 G = 9.80665
@@ -148,17 +149,17 @@ def test_seed_decides_the_draws_and_not_the_truth() -> None:
     np.testing.assert_array_equal(one.sensors["gnss"].values, again.sensors["gnss"].values)
     np.testing.assert_array_equal(one.v2x["lead"].state, again.v2x["lead"].state)
     assert not np.any(one.sensors["gnss"].values == two.sensors["gnss"].values)
-    np.testing.assert_array_equal(one.true_states_by_vehicle["lead"], two.true_states_by_vehicle["lead"])
+    np.testing.assert_array_equal(true_states_of_vehicle(one, "lead"), true_states_of_vehicle(two, "lead"))
 
 
 def test_truth_grid_is_one_millisecond_and_holds_every_vehicle() -> None:
     made = drive("rear-end")
-    assert set(made.true_states_by_vehicle) == {"host", "lead"}
-    assert made.true_states_by_vehicle["lead"].shape == (10001, 8)
-    assert np.all(np.diff(made.truth_stamp_ns) == 1_000_000)
+    assert set(made.scenario.vehicles) == {"host", "lead"}
+    assert true_states_of_vehicle(made, "lead").shape == (10001, 8)
+    assert np.all(np.diff(truth_stamps_ns(made)) == 1_000_000)
     # Until 1.2 s both drive 20 m/s; at 3.45 s the lead has lost 1 m/s^2 * (2.25 - 0.25) s = 2 m/s (ramp of 0.5 s).
-    assert made.true_states_by_vehicle["lead"][1200, :3] == pytest.approx([44.0, 0.0, 20.0])
-    assert made.true_states_by_vehicle["lead"][3450, 2] == pytest.approx(18.0, abs=1e-9)
+    assert true_states_of_vehicle(made, "lead")[1200, :3] == pytest.approx([44.0, 0.0, 20.0])
+    assert true_states_of_vehicle(made, "lead")[3450, 2] == pytest.approx(18.0, abs=1e-9)
 
 
 def test_v2x_noise_is_the_estimated_column_of_table_1() -> None:

@@ -17,10 +17,10 @@ from cwcli.simulation.lane_camera import (
     LaneSensorNoise,
     SensedDrive,
     simulate_lane_sensors_of_run,
-    true_lane_at_preview,
 )
 from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.simulation.sensors import SensorData
+from tests.unit.dynamics.true_lane import true_lane_at_preview
 
 CAR = load_vehicle()
 START_NS = 1_700_000_000_000_000_000

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.kernels.track import RowStatus
-from cwcli.simulation.dual_sensor import SensorNoise, simulate_target_on_path
+from cwcli.simulation.dual_sensor import SensorNoise, observe_single_target, times_and_true_states_on_path
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, MOTION_MODELS, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import prepare_detections
@@ -20,7 +20,7 @@ N = 80
 
 
 def rows_with_moving_sensor(use_rate=True):
-    scene = simulate_target_on_path("weave", N, NOISE, np.random.default_rng(7))
+    scene = observe_single_target(*times_and_true_states_on_path("weave", N), NOISE, np.random.default_rng(7))
     sensors = {
         "lidar": SensorModel(sigma=(0.1, 0.2), yaw_rad=0.4, x_m=1.0),
         "radar": SensorModel(

@@ -7,9 +7,10 @@ import pytest
 
 from cwcli.kernels import lane_search
 from cwcli.vision.boundary import Boundary
-from cwcli.vision.objective import compute_block_responses, parabola_objectives
+from cwcli.vision.objective import compute_block_responses
 from cwcli.vision.zhang2011 import FIRST_PHASE, LATER_PHASE, SECOND_PHASE, search_boundary
 from tests.unit.vision import naive_search as naive
+from tests.unit.vision.parabola_objectives import parabola_objectives
 from tests.unit.vision.scenes import LEFT, RIGHT, road_image
 
 GENETIC: lane_search.Genetic = {

@@ -13,9 +13,9 @@ from cwcli.vision.objective import (
     ROAD_PATCH_ROWS,
     compute_block_responses,
     nine_times_mean_road_grey,
-    parabola_objectives,
 )
 from tests.unit.vision import naive_search as naive
+from tests.unit.vision.parabola_objectives import parabola_objectives
 
 ROAD = (slice(240 - ROAD_PATCH_ROWS, 240), slice(*ROAD_PATCH_COLUMNS))
 
