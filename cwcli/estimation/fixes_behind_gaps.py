@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
-from cwcli.estimation.limit_check import quantity_compared_with
+from cwcli.estimation.limit_check import reference_quantity_of_comparison
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.result import SourceReport
@@ -56,7 +56,7 @@ def find_contradictions_of_fixes_behind_gaps(
         f"{found_nis[k] ** 0.5:.0f} sigmas (at {time_s[k]:.1f} s)"
     )
     who = SourceQuantity(reports[i].source, reports[i].kind)
-    return [Contradiction(who, quantity_compared_with(reports[i], reports), what, explains_misfits=True)]
+    return [Contradiction(who, reference_quantity_of_comparison(reports[i], reports), what, explains_misfits=True)]
 
 
 def add_jumps_hidden_by_gaps(

@@ -24,16 +24,16 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction
-from cwcli.estimation.delay_variance import covariance_from_clock, covariance_from_moved_stamps, delay_sigmas_s
+from cwcli.estimation.delay_variance import covariance_from_clock_error, covariance_from_unknown_delays, delay_sigmas_s
 from cwcli.estimation.fix_scatter import (
     covariance_from_lasting_errors,
     noise_sigma_from_scatter_about_neighbours,
     scatter_about_neighbours,
 )
 from cwcli.estimation.fixes_behind_gaps import add_jumps_hidden_by_gaps, find_contradictions_of_fixes_behind_gaps
-from cwcli.estimation.fixes_in_turns import (
-    covariance_from_fixes_in_turns,
-    find_contradictions_of_fixes_in_turns,
+from cwcli.estimation.fixes_of_two_places import (
+    covariance_from_fixes_of_two_places,
+    find_contradictions_of_fixes_of_two_places,
     find_fixes_of_two_places,
 )
 from cwcli.estimation.gaps import find_filter_restarts_after_gaps
@@ -45,9 +45,9 @@ from cwcli.estimation.leave_one_out import (
     find_spoiling_sources,
     raise_noise_of_fixes_to_reported,
 )
-from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_given_lever_arms
+from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna, set_lever_arms_of_user
 from cwcli.estimation.limit_check import (
-    doubt_about_lasting_errors,
+    doubt_sentence_on_lasting_errors,
     find_contradictions_of_changing_latencies,
     find_values_beyond_sensor_limits,
 )
@@ -77,7 +77,7 @@ from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import SeriesIndexAndErrorName
 from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.estimation.slow_drift import (
-    covariance_from_drifts,
+    covariance_from_fix_drifts,
     find_contradictions_of_drifting_fixes,
     largest_slow_position_error_or_nan_m,
     slow_changes_along_to_across_or_nan,
@@ -87,7 +87,7 @@ from cwcli.estimation.source_clocks import align_source_clocks_and_note, notes_o
 from cwcli.estimation.source_judgement import (
     JudgedSources,
     correct_and_list_imu_units_and_tilt,
-    correct_and_list_what_user_says,
+    correct_and_list_user_faults,
     judge_sources,
 )
 from cwcli.estimation.standstill_error import (
@@ -95,11 +95,11 @@ from cwcli.estimation.standstill_error import (
     standstill_errors_of_best_position_source,
 )
 from cwcli.estimation.start import (
-    find_start_with_parameter_states,
+    find_full_filter_start,
     replace_infinite_start_by_end_of_rows,
     set_states_before_start_in_place,
 )
-from cwcli.estimation.state_flags import add_variance_of_rejected_rows, compute_state_flags
+from cwcli.estimation.state_flags import compute_state_flags, covariance_widened_at_rejected_rows
 from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.lazy_dataclass import dataclass, replace
@@ -144,7 +144,7 @@ def estimate_track(
         last_ns = max(int(m.stamp_ns.max()) for m in measurements if len(m))
         step_ns = round(NS_PER_S / config.rate_hz)
         output_stamp_ns = np.arange(earliest_stamp_ns(measurements), last_ns + 1, step_ns, dtype=np.int64)
-    return _settled_measurements_and_track(measurements, config, output_stamp_ns)[1]
+    return _tune_and_estimate_without_spoiling_source(measurements, config, output_stamp_ns)[1]
 
 
 def estimate_hindsight_and_online_tracks(
@@ -171,7 +171,7 @@ def estimate_hindsight_and_online_tracks(
     online = replace(config, causal=True, blind=blind)
     hindsight = online if config.causal else config
     if online_input is None and not blind and config.model == "cwcli":
-        settled, track = _settled_measurements_and_track(measurements, hindsight, output_stamp_ns)
+        settled, track = _tune_and_estimate_without_spoiling_source(measurements, hindsight, output_stamp_ns)
         return track, track if config.causal else _filter_and_smooth(settled, online, output_stamp_ns)
     known, known_stamp_ns = online_input or (measurements, output_stamp_ns)
     track = estimate_track(known, online, known_stamp_ns)
@@ -229,10 +229,10 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
 
     def prepare_series_with_lever_arms(current: Sequence[Measurements]) -> tuple[list[PreparedSeries], list[str]]:
         prepared, notes = _prepare_series_and_notes(current, zero_ns, config)
-        return set_given_lever_arms(prepared, config.lever_arms), notes
+        return set_lever_arms_of_user(prepared, config.lever_arms), notes
 
     aligned = measurements
-    measurements, by_user = correct_and_list_what_user_says(measurements, config.source_units)
+    measurements, by_user = correct_and_list_user_faults(measurements, config.source_units)
     trusted = {*config.trusted_sources, *config.source_units}
     # Where no state may depend on what the whole log shows, it is told, and nothing is changed.
     looks_ahead = not (config.blind or (config.causal and config.calibration is not None))
@@ -271,7 +271,7 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     )
 
 
-def _settled_measurements_and_track(
+def _tune_and_estimate_without_spoiling_source(
     measurements: Sequence[Measurements], config: EstimatorConfig, output_stamp_ns: Int64Array
 ) -> tuple[_TunedMeasurements, Track]:
     """Tune and estimate, without a source that spoils all others; see `leave_one_out`."""
@@ -302,7 +302,7 @@ def _settled_measurements_and_track(
     is_known_wrong = any(left_out[0].source == each.source for c in settled.contradictions for each in c.left_out)
     if not is_known_wrong and not can_third_source_judge(track.sources, left_out):
         series = tuple(raise_noise_of_fixes_to_reported(better.tuned.series, track.sources))
-        delays = better.tuned.delay_sigmas.larger_of_each(settled.tuned.delay_sigmas)
+        delays = better.tuned.delay_sigmas.elementwise_max(settled.tuned.delay_sigmas)
         better = replace(better, tuned=replace(better.tuned, series=series, delay_sigmas=delays))
     notes = (*better.notes, f"{found.contradiction_sentence}; {found.votes_and_left_out_sources_text}")
     better = replace(better, contradictions=(*better.contradictions, found), notes=notes)
@@ -325,7 +325,7 @@ def _filter_and_smooth(
     """Find the start, filter and smooth; for `config` and `output_stamp_ns` see `estimate_track`."""
     prepared, tuned, notes = tuned_measurements.prepared, tuned_measurements.tuned, list(tuned_measurements.notes)
     output_s = seconds_since_zero_time(output_stamp_ns, tuned_measurements.epoch_ns)
-    start = find_start_with_parameter_states(tuned.series, tuned.prior, causal=config.causal)
+    start = find_full_filter_start(tuned.series, tuned.prior, causal=config.causal)
     start.state[N_MOTION_STATES:] = tuned.mean[N_MOTION_STATES:]
     start = replace_infinite_start_by_end_of_rows(start, tuned.series, output_s)
     if not config.causal:
@@ -365,7 +365,7 @@ def _filter_and_smooth(
     notes += notes_on_hidden_clock_steps(tuned_measurements.measurements, jumped)
     state, covariance = move_states_and_covariances_to_antenna(tuned.series, result.state, result.covariance)
     if config.causal:
-        covariance = add_variance_of_rejected_rows(covariance, tuned.series, result, output_s)
+        covariance = covariance_widened_at_rejected_rows(covariance, tuned.series, result, output_s)
 
     def states_of(series: Sequence[SensorSeries]) -> StateRows:
         pass_at_antenna = run_filter_pass(
@@ -378,26 +378,26 @@ def _filter_and_smooth(
     sigmas_s = delay_sigmas_s(tuned.series, tuned.latencies, tuned.delay_sigmas)
     covariance = (
         covariance
-        + covariance_from_moved_stamps(tuned.series, sigmas_s, state, states_of, causal=config.causal)
-        + covariance_from_clock(state, tuned.delay_sigmas.clock)
+        + covariance_from_unknown_delays(tuned.series, sigmas_s, state, states_of, causal=config.causal)
+        + covariance_from_clock_error(state, tuned.delay_sigmas.clock)
         + covariance_from_coarse_fixes(tuned.series)
-        + covariance_from_fixes_in_turns(two_places)
+        + covariance_from_fixes_of_two_places(two_places)
     )
     if not config.blind and not (config.causal and config.calibration is not None):
         without_model = [s for i, s in enumerate(tuned.series) if i not in tuned.sensors.model.slow]
         errors = standstill_errors_of_best_position_source(without_model, output_s, state, covariance)
         covariance = covariance + covariance_from_standstill_errors(state, errors)
-        covariance = covariance + covariance_from_drifts(reports) + covariance_from_lasting_errors(reports)
+        covariance = covariance + covariance_from_fix_drifts(reports) + covariance_from_lasting_errors(reports)
     contradictions = tuned_measurements.contradictions
     if not config.blind:
         contradictions = (
             *contradictions,
-            *find_contradictions_of_fixes_in_turns(two_places),
+            *find_contradictions_of_fixes_of_two_places(two_places),
             *find_contradictions_of_fixes_behind_gaps(tuned.series, result.nis, result.status, reports),
         )
         contradictions = (*contradictions, *find_values_beyond_sensor_limits(reports, contradictions))
         contradictions = (*contradictions, *find_contradictions_of_changing_latencies(reports, contradictions))
-        if not contradictions and (doubt := doubt_about_lasting_errors(reports)):
+        if not contradictions and (doubt := doubt_sentence_on_lasting_errors(reports)):
             notes.append(doubt)
     return Track(
         output_stamp_ns,
@@ -532,9 +532,9 @@ def _build_source_report(
         mounting=prepared_series.mounting,
         bias=bias,
         bias_sigma=bias_sigma,
-        scale=_parameter_at_end(found, (i, "scale"), s.scale_state, result, 1.0),
-        lever_arm_m=_parameter_at_end(found, (i, "lever"), s.lever_state, result, 0.0),
-        ahead_m=_parameter_at_end(found, (i, "ahead"), s.ahead_state, result, 0.0),
+        scale=_parameter_from_last_state(found, (i, "scale"), s.scale_state, result, 1.0),
+        lever_arm_m=_parameter_from_last_state(found, (i, "lever"), s.lever_state, result, 0.0),
+        ahead_m=_parameter_from_last_state(found, (i, "ahead"), s.ahead_state, result, 0.0),
         slow_error=SlowError(
             found.beyond.get((i, "slow"), float("nan")) if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,
@@ -546,13 +546,13 @@ def _build_source_report(
     )
 
 
-def _parameter_at_end(
-    found: FoundSensorModel, part: SeriesIndexAndErrorName, state_index: int, result: PassResult, offset: float
+def _parameter_from_last_state(
+    found_model: FoundSensorModel, error: SeriesIndexAndErrorName, state_index: int, result: PassResult, offset: float
 ) -> Parameter:
     """Return a constant of a source from the last filter state; `offset` is its value at state 0."""
-    status = found.status.get(part, ParameterStatus.OFF)
+    status = found_model.status.get(error, ParameterStatus.OFF)
     if state_index < 0:
-        return Parameter(found.beyond.get(part, float("nan")), status=status)
+        return Parameter(found_model.beyond.get(error, float("nan")), status=status)
     sigma = float(np.sqrt(max(result.last_covariance[state_index, state_index], 0.0)))
     return Parameter(offset + float(result.last_state[state_index]), sigma, status)
 

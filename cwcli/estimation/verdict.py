@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from cwcli.estimation.contradiction import SourceQuantity
-from cwcli.estimation.limit_check import doubt_about_lasting_errors
+from cwcli.estimation.limit_check import doubt_sentence_on_lasting_errors
 from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.result import SourceReport, TrackSummary
 from cwcli.estimation.tolerances import (
@@ -81,8 +81,8 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
     if faults:
         more = f", and {len(faults) - MAX_LISTED_FAULTS} more" if len(faults) > MAX_LISTED_FAULTS else ""
         return f"not consistent: {'; '.join(faults[:MAX_LISTED_FAULTS])}{more}"
-    agreed, exception = "consistent", _exception_for_unseen_drift_text(track, nees)
-    if all(math.isnan(each.per_dof) for each in nees) and (doubt := doubt_about_lasting_errors(sources)):
+    agreed, exception = "consistent", _text_on_drift_that_no_source_shows(track, nees)
+    if all(math.isnan(each.per_dof) for each in nees) and (doubt := doubt_sentence_on_lasting_errors(sources)):
         exception = f"; but {doubt}{exception}"
     if exception:
         agreed = "no contradiction"
@@ -133,7 +133,7 @@ def _texts_on_errors_beyond_sigma(nees: Sequence[NeesOfQuantity]) -> list[str]:
     ]
 
 
-def _exception_for_unseen_drift_text(track: TrackSummary, nees: Sequence[NeesOfQuantity]) -> str:
+def _text_on_drift_that_no_source_shows(track: TrackSummary, nees: Sequence[NeesOfQuantity]) -> str:
     """Return what the verdict does not cover: a drift, scale or jump of the only position, unless others show it.
 
     A truth shows a drift, and so does the way by a speed and a heading or turn rate (docs/estimation.md). The
