@@ -17,22 +17,22 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, StateCovariance, StateRows, median_of_values
 from cwcli.signals.vehicle_state import HEADING, X, Y
 
-MIN_FIXES_IN_TURNS = 100
+MIN_FIXES_TO_SHOW_TWO_PLACES = 100
 """Least number of fixes that show it. Chosen by hand: ten blocks of five pairs."""
-MIN_DISTANCE_OF_TWO_ANTENNAS_M = 1.0
+MIN_REPORTED_ANTENNA_DISTANCE_M = 1.0
 """Least distance that is told, m. Chosen: a car's width is 2 m, and two antennas on a roof are 1 m apart."""
-N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS = 10
+N_BLOCKS_ALL_SHOWING_TWO_PLACES = 10
 """Number of parts of the log that must all show it. Chosen by hand: chance does so in one log of a thousand."""
-MIN_SIGMAS_OF_DISTANCE = 6.0
+MIN_DISTANCE_IN_SIGMAS = 6.0
 """Least distance in its sigmas. Chosen: chance makes it once in 10^8 logs."""
 MAX_SHARE_OF_VARIANCE_WITHIN_HEAPS = 0.2
 """Greatest share of the variance that is left within two heaps. Chosen by hand, not fitted: it is 0.36 of normal and
 0.25 of uniform values, and 0.1 of two heaps six sigmas apart."""
-MIN_SHARE_OF_FIXES_ELSEWHERE = 0.1
+MIN_SHARE_OF_SMALLER_HEAP = 0.1
 """Least share of the smaller heap; of fewer ones the gate rejects most. Chosen by hand; not fitted."""
-MAX_USUAL_DIFFERENCES = 6.0
+MAX_DIFFERENCE_FROM_PATH_IN_MEDIANS = 6.0
 """Greatest difference from the way, in median ones, of a fix that is no outlier. Chosen by hand; not fitted."""
-MIN_COSINE_ALONG_WAY = 0.9
+MIN_COSINE_ALONG_PATH = 0.9
 """Cosine of the angle between the two heaps and the way from which they lie along it. Chosen by hand."""
 
 
@@ -43,7 +43,7 @@ def distance_m_and_words_of_two_places(fixes: SensorSeries, time_s: FloatArray, 
         fixes: Positions.
         time_s, state: Times (m,) and states (m, 8) of the estimate from them.
     """
-    if len(fixes) < MIN_FIXES_IN_TURNS or len(time_s) < 2 or max(fixes.coarse_steps_m) > 0.0:
+    if len(fixes) < MIN_FIXES_TO_SHOW_TWO_PLACES or len(time_s) < 2 or max(fixes.coarse_steps_m) > 0.0:
         return 0.0, ""
     at_s = fixes.time_s - fixes.latency_s
     beside_m = fixes.values - np.column_stack([np.interp(at_s, time_s, state[:, k]) for k in (X, Y)])
@@ -52,9 +52,9 @@ def distance_m_and_words_of_two_places(fixes: SensorSeries, time_s: FloatArray, 
     n_steps = np.maximum(np.rint(step_s / max(median_of_values(step_s), 1e-9)), 1.0)
     is_odd = np.append(0.0, np.cumsum(n_steps)) % 2.0 == 1.0
     size_m = np.hypot(*beside_m.T)
-    is_near = size_m <= MAX_USUAL_DIFFERENCES * median_of_values(size_m)
+    is_near = size_m <= MAX_DIFFERENCE_FROM_PATH_IN_MEDIANS * median_of_values(size_m)
     is_near &= (at_s >= time_s[0]) & (at_s <= time_s[-1])
-    if is_near.sum() < MIN_FIXES_IN_TURNS:
+    if is_near.sum() < MIN_FIXES_TO_SHOW_TWO_PLACES:
         return 0.0, ""
     beside_m, heading, is_odd = beside_m[is_near], heading[is_near], is_odd[is_near]
     if distance_m := distance_of_every_second_fix_m(beside_m, heading, is_odd):
@@ -81,9 +81,9 @@ def distance_of_every_second_fix_m(beside_m: EastNorthRows, heading_rad: FloatAr
         mean_m = moved_m.mean(axis=0)
         half_m = float(np.hypot(*mean_m))
         along_m = moved_m @ (mean_m / max(half_m, 1e-9))
-        blocks = np.array_split(along_m, N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS)
+        blocks = np.array_split(along_m, N_BLOCKS_ALL_SHOWING_TWO_PLACES)
         sigma_m = float(along_m.std()) / len(along_m) ** 0.5
-        is_clear = 2.0 * half_m > MIN_DISTANCE_OF_TWO_ANTENNAS_M and half_m > MIN_SIGMAS_OF_DISTANCE * sigma_m
+        is_clear = 2.0 * half_m > MIN_REPORTED_ANTENNA_DISTANCE_M and half_m > MIN_DISTANCE_IN_SIGMAS * sigma_m
         if is_clear and min(float(block.mean()) for block in blocks) > 0.0:
             most_m = max(most_m, 2.0 * half_m)
     return most_m
@@ -99,7 +99,7 @@ def distance_m_and_share_of_two_heaps(beside_m: EastNorthRows, heading_rad: Floa
     _, axes = np.linalg.eigh(np.cov(beside_m.T))
     along = axes[:, 1]
     if (
-        np.mean(np.abs(np.column_stack([np.cos(heading_rad), np.sin(heading_rad)]) @ along) > MIN_COSINE_ALONG_WAY)
+        np.mean(np.abs(np.column_stack([np.cos(heading_rad), np.sin(heading_rad)]) @ along) > MIN_COSINE_ALONG_PATH)
         > 0.9
     ):
         return none
@@ -110,20 +110,20 @@ def distance_m_and_share_of_two_heaps(beside_m: EastNorthRows, heading_rad: Floa
     n_changes = np.count_nonzero(is_other[1:] != is_other[:-1])
     if (
         share_within > MAX_SHARE_OF_VARIANCE_WITHIN_HEAPS
-        or share < MIN_SHARE_OF_FIXES_ELSEWHERE
+        or share < MIN_SHARE_OF_SMALLER_HEAP
         or n_changes < share * (1.0 - share) * len(values)  # half of what chance makes: places that last are no noise
     ):
         return none
     distances_m = [
         float(block[other].mean() - block[~other].mean()) if other.any() and not other.all() else 0.0
         for block, other in zip(
-            np.array_split(values, N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS),
-            np.array_split(is_other, N_BLOCKS_THAT_ALL_SHOW_FIXES_IN_TURNS),
+            np.array_split(values, N_BLOCKS_ALL_SHOWING_TWO_PLACES),
+            np.array_split(is_other, N_BLOCKS_ALL_SHOWING_TWO_PLACES),
             strict=True,
         )
     ]
     distance_m = float(values[is_other].mean() - values[~is_other].mean())
-    is_clear = distance_m > MIN_DISTANCE_OF_TWO_ANTENNAS_M and min(distances_m) > 0.5 * distance_m
+    is_clear = distance_m > MIN_REPORTED_ANTENNA_DISTANCE_M and min(distances_m) > 0.5 * distance_m
     return (distance_m, share) if is_clear else none
 
 
@@ -153,7 +153,7 @@ class FixesOfTwoPlaces:
     which: str = ""
 
 
-def find_contradictions_of_fixes_in_turns(found: Sequence[FixesOfTwoPlaces]) -> list[Contradiction]:
+def find_contradictions_of_fixes_of_two_places(found: Sequence[FixesOfTwoPlaces]) -> list[Contradiction]:
     """Return contradictions of the sources of fixes of two places."""
     return [
         Contradiction(
@@ -183,7 +183,7 @@ def find_fixes_of_two_places(
     return found
 
 
-def covariance_from_fixes_in_turns(found: Sequence[FixesOfTwoPlaces]) -> StateCovariance:
+def covariance_from_fixes_of_two_places(found: Sequence[FixesOfTwoPlaces]) -> StateCovariance:
     """Return the covariance (8, 8) that fixes in turns add to all states: nobody knows which half of them is right.
 
     It is 0 where another position has none.

@@ -15,7 +15,7 @@ import numpy as np
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.fix_scatter import (
-    do_errors_raise_doubt,
+    is_lasting_error_large,
     is_sigma_a_lasting_error,
     is_sigma_explained_by_scatter,
     is_slow_error_one_of_speed,
@@ -30,7 +30,7 @@ from cwcli.estimation.result import SourceReport
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 from cwcli.estimation.sensor_limits import LATENCY_CHANGE_PER_SECOND_RANGE
 from cwcli.estimation.slow_drift import find_contradictions_of_drifting_fixes
-from cwcli.estimation.source_vote import quantity_of_series, without_any_rows
+from cwcli.estimation.source_vote import emptied_series, quantity_of_series
 from cwcli.estimation.tolerances import MAX_GATED_ROW_SHARE
 from cwcli.lazy_dataclass import replace
 
@@ -82,7 +82,7 @@ def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
         if r.n_used
         and r.kind not in RATE_KINDS
         and (
-            do_errors_raise_doubt(r)
+            is_lasting_error_large(r)
             or is_slow_error_one_of_speed(r)
             or not LATENCY_CHANGE_PER_SECOND_RANGE.contains_or_is_nan(r.latency.drift)
             or r.n_gated > MAX_UNDOUBTED_GATED_ROW_SHARE * (r.n_used + r.n_gated)
@@ -142,9 +142,7 @@ def empty_series_of_quantities(
     prepared: Sequence[PreparedSeries], quantities: Collection[SourceQuantity]
 ) -> list[PreparedSeries]:
     """Return the series, those of some quantities without rows."""
-    return [
-        replace(p, series=without_any_rows(p.series)) if quantity_of_series(p) in quantities else p for p in prepared
-    ]
+    return [replace(p, series=emptied_series(p.series)) if quantity_of_series(p) in quantities else p for p in prepared]
 
 
 def find_spoiling_sources(
@@ -180,16 +178,14 @@ def find_spoiling_sources(
             reports, group
         )
     best = max(gains, key=gains.__getitem__, default=())
-    best = max(
-        gains, key=lambda group: _culprit_log_likelihood_advantage_over_group(group, best, found_without), default=()
-    )
+    best = max(gains, key=lambda group: _log_likelihood_advantage_as_culprit(group, best, found_without), default=())
     min_gain = MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT
     if len(gains) == 1 and in_doubt & {*best}:  # what was doubted before is the only one to explain it
         min_gain *= 0.5
     return best if best and gains[best] > min_gain else ()
 
 
-def _culprit_log_likelihood_advantage_over_group(
+def _log_likelihood_advantage_as_culprit(
     group: tuple[SourceQuantity, ...],
     other: tuple[SourceQuantity, ...],
     found_without: Mapping[tuple[SourceQuantity, ...], Sequence[SourceReport]],

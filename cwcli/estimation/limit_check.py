@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.fix_scatter import (
-    do_errors_raise_doubt,
+    is_lasting_error_large,
     is_sigma_a_lasting_error,
     is_slow_error_one_of_speed,
-    lasting_sigma,
+    lasting_error_sigma,
 )
 from cwcli.estimation.latency import MS_PER_MINUTE_OF_UNIT_DRIFT, LatencyStatus
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
@@ -43,13 +43,13 @@ def find_values_beyond_sensor_limits(
         who = SourceQuantity(report.source, report.kind)
         words = next(iter(_iter_texts_on_exceeded_limits(report)), None)
         if words is not None and who not in contradicted:
-            found.append(Contradiction(who, quantity_compared_with(report, reports), words))
+            found.append(Contradiction(who, reference_quantity_of_comparison(report, reports), words))
         elif who not in contradicted and report.kind is Kind.POSITION and report.noise_origin != "message":
-            found += _find_lasting_errors(report, reports)
+            found += _contradictions_of_lasting_fix_errors(report, reports)
     return tuple(found)
 
 
-def _find_lasting_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -> list[Contradiction]:
+def _contradictions_of_lasting_fix_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -> list[Contradiction]:
     """Return a contradiction where the noise of fixes is large only because another source has another motion.
 
     An inertial sensor with a bias near its limit is blamed first: a wrong scale is taken for a bias in a single bend.
@@ -58,9 +58,9 @@ def _find_lasting_errors(fixes: SourceReport, reports: Sequence[SourceReport]) -
         return []
     who = SourceQuantity(fixes.source, fixes.kind)
     what = f"lie {fixes.sigma:.1f} m beside the motion for long, and scatter by only {fixes.scatter:.2f} m"
-    most = max((r for r in reports if r.kind in RATE_KINDS and r.n_used), key=_bias_share_of_limit, default=None)
-    if most is None or _bias_share_of_limit(most) < MIN_BLAMED_BIAS_SHARE_OF_LIMIT:
-        return [Contradiction(who, quantity_compared_with(fixes, reports), f"its fixes {what}")]
+    most = max((r for r in reports if r.kind in RATE_KINDS and r.n_used), key=_bias_to_limit_ratio, default=None)
+    if most is None or _bias_to_limit_ratio(most) < MIN_BLAMED_BIAS_SHARE_OF_LIMIT:
+        return [Contradiction(who, reference_quantity_of_comparison(fixes, reports), f"its fixes {what}")]
     return [Contradiction(SourceQuantity(most.source, most.kind), who, f"with it the fixes {what}")]
 
 
@@ -88,15 +88,15 @@ def find_contradictions_of_changing_latencies(
             f"{MS_PER_MINUTE_OF_UNIT_DRIFT * LATENCY_CHANGE_PER_SECOND_RANGE.high:.0f} ms: "
             "it steps, or the stamps are wrong"
         )
-        found.setdefault(report.source, Contradiction(who, quantity_compared_with(report, reports), what))
+        found.setdefault(report.source, Contradiction(who, reference_quantity_of_comparison(report, reports), what))
     return list(found.values())
 
 
-def doubt_about_lasting_errors(reports: Sequence[SourceReport]) -> str:
+def doubt_sentence_on_lasting_errors(reports: Sequence[SourceReport]) -> str:
     """Return a sentence on a source whose errors last although no sensor is clearly wrong; "" where there is none."""
     for report in reports:
         is_along = is_slow_error_one_of_speed(report)
-        is_doubted = report.slow_error.status is not ParameterStatus.USED and do_errors_raise_doubt(report)
+        is_doubted = report.slow_error.status is not ParameterStatus.USED and is_lasting_error_large(report)
         if report.n_used and (is_along or is_doubted):
             unit = QUANTITIES[report.kind].unit
             others = ", ".join(
@@ -105,7 +105,7 @@ def doubt_about_lasting_errors(reports: Sequence[SourceReport]) -> str:
                 if r.n_used and r.kind not in (report.kind, Kind.POSITION)
             )
             who = SourceQuantity(report.source, report.kind)
-            sigma = report.slow_error.sigma if is_along else lasting_sigma(report)
+            sigma = report.slow_error.sigma if is_along else lasting_error_sigma(report)
             how = f"errs by {sigma:.2g} {unit} for long, and scatters by {report.scatter:.2g} {unit}"
             if is_along:
                 how += f", {report.slow_error.along_to_across:.2g} times as much along the way as across it"
@@ -113,7 +113,7 @@ def doubt_about_lasting_errors(reports: Sequence[SourceReport]) -> str:
     return ""
 
 
-def _bias_share_of_limit(report: SourceReport) -> float:
+def _bias_to_limit_ratio(report: SourceReport) -> float:
     """Return the bias of an inertial sensor as a share of its limit, or 0 where none was found."""
     limit = YAW_RATE_BIAS_RANGE if report.kind is Kind.YAW_RATE else ACCEL_BIAS_RANGE
     share = abs(_bias_without_gravity(report)) / limit.high
@@ -172,7 +172,7 @@ def _exceeded_limit_text(name: str, value: float, limit: ParameterRange) -> str:
     return f"together they need {name} of {value:.3g}{unit}, and such a sensor has at most {bound:g}{unit}"
 
 
-def quantity_compared_with(report: SourceReport, reports: Sequence[SourceReport]) -> SourceQuantity | str:
+def reference_quantity_of_comparison(report: SourceReport, reports: Sequence[SourceReport]) -> SourceQuantity | str:
     """Return what a source was compared with: the position; for a position the best source of motion."""
     used = [r for r in reports if r.n_used and (r.source, r.kind) != (report.source, report.kind)]
     if report.kind is Kind.POSITION:

@@ -15,7 +15,7 @@ from cwcli.estimation.contradiction import CAR_MOTION_TEXT, GRAVITY_TEXT, Contra
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import Latency, LatencyStatus, mark_latency_beyond_limits
 from cwcli.estimation.limit_check import (
-    doubt_about_lasting_errors,
+    doubt_sentence_on_lasting_errors,
     find_contradictions_of_changing_latencies,
     find_values_beyond_sensor_limits,
 )
@@ -210,12 +210,12 @@ def test_a_latency_that_changes_faster_than_a_clock_is_told_once_and_used() -> N
 
 def test_a_doubt_names_the_source_that_errs_for_long_and_all_that_it_is_compared_with() -> None:
     fixes = replace(FIX, sigma=1.0, scatter=0.6, noise_origin="log")
-    words = doubt_about_lasting_errors([fixes, YAW_RATE])
+    words = doubt_sentence_on_lasting_errors([fixes, YAW_RATE])
     assert words.startswith("ego_position (/fix) errs by 0.8 m for long, and scatters by 0.6 m")
     assert "imu yaw rate (/imu)" in words
-    assert doubt_about_lasting_errors([replace(fixes, sigma=0.65), YAW_RATE]) == ""
-    assert doubt_about_lasting_errors([replace(fixes, slow_error=SlowError(1.0, 30.0, USED)), YAW_RATE]) == ""
+    assert doubt_sentence_on_lasting_errors([replace(fixes, sigma=0.65), YAW_RATE]) == ""
+    assert doubt_sentence_on_lasting_errors([replace(fixes, slow_error=SlowError(1.0, 30.0, USED)), YAW_RATE]) == ""
     along = replace(fixes, slow_error=SlowError(1.2, 30.0, USED, along_to_across=1.9))
-    assert doubt_about_lasting_errors([along, YAW_RATE]).startswith(
+    assert doubt_sentence_on_lasting_errors([along, YAW_RATE]).startswith(
         "ego_position (/fix) errs by 1.2 m for long, and scatters by 0.6 m, 1.9 times as much along the way as across"
     )

@@ -15,7 +15,7 @@ from cwcli.estimation.parameter import ParameterStatus, SlowError
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.slow_drift import (
-    covariance_from_drifts,
+    covariance_from_fix_drifts,
     find_contradictions_of_drifting_fixes,
     slow_changes_along_to_across_or_nan,
 )
@@ -42,7 +42,7 @@ def test_a_slow_error_far_beyond_its_sigma_is_a_drift(sigma_m: float, largest_m:
     drifting = replace(FIX, slow_error=SlowError(sigma_m, 30.0, ParameterStatus.USED, largest_m))
     found = find_contradictions_of_drifting_fixes([drifting, SPEED], [])
     assert [(each.who, each.against, each.left_out) for each in found] == [(FIX_ID, SPEED_ID, ())] * is_told
-    assert bool(covariance_from_drifts([drifting, SPEED]).any()) is is_told
+    assert bool(covariance_from_fix_drifts([drifting, SPEED]).any()) is is_told
     assert find_contradictions_of_drifting_fixes([drifting, SPEED], [Contradiction(SPEED_ID, FIX_ID, "...")]) == []
 
 
@@ -64,12 +64,12 @@ def test_changes_along_the_way_are_told_from_those_across_it(along: float, acros
 def test_a_velocity_that_its_receiver_smooths_shows_no_drift() -> None:
     velocity = replace(SPEED, kind=Kind.VELOCITY)
     assert find_contradictions_of_drifting_fixes([FIX, velocity], []) == []
-    assert not covariance_from_drifts([FIX, velocity]).any()
+    assert not covariance_from_fix_drifts([FIX, velocity]).any()
     assert len(find_contradictions_of_drifting_fixes([FIX, replace(velocity, n_used=0)], [])) == 1
 
 
 def test_the_variance_is_that_of_a_wave_with_the_height_of_the_drift() -> None:
-    covariance = covariance_from_drifts([FIX])
+    covariance = covariance_from_fix_drifts([FIX])
     assert np.flatnonzero(covariance).tolist() == [0, 9]  # east and north on the diagonal of (8, 8)
     assert covariance[0, 0] == covariance[1, 1] == 32.0  # 8^2 / 2
 
@@ -82,8 +82,8 @@ def test_the_variance_is_that_of_a_wave_with_the_height_of_the_drift() -> None:
     ],
 )
 def test_another_position_that_does_not_drift_holds_the_states(other: SourceReport) -> None:
-    assert not covariance_from_drifts([FIX, other]).any()
-    assert covariance_from_drifts([FIX, replace(other, n_used=0)]).any()
+    assert not covariance_from_fix_drifts([FIX, other]).any()
+    assert covariance_from_fix_drifts([FIX, replace(other, n_used=0)]).any()
 
 
 @pytest.mark.long
