@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import field
 from functools import cache
 from importlib import import_module
@@ -42,6 +42,35 @@ LARGEST_NUMBER_BY_UNIT = {
 }
 """Unit -> the largest number that is possible in a trial with road vehicles. Chosen by hand: what the simulation can
 drive (`cwcli.simulation.spec`)."""
+UNITS_BY_SI_UNIT = {"m/s": ("m/s", "km/h", "mph"), "m": ("m",), "s": ("s",), "m/s^2": ("m/s^2", "g")}
+"""SI unit of a number -> the units in which a file can give it."""
+SI_UNIT_BY_WORD = {
+    "speed": "m/s",
+    "rate": "m/s",
+    "deceleration": "m/s^2",
+    "time": "s",
+    "ttc": "s",
+    "gap": "m",
+    "offset": "m",
+    "radius": "m",
+    "length": "m",
+    "width": "m",
+    "clearance": "m",
+}
+"""First or last word of the name of what a trial is given or demands -> its SI unit."""
+LARGEST_TOLERANCE_AND_UNIT = {
+    "subject-speed": (5.0, "m/s"),
+    "other-speed": (5.0, "m/s"),
+    "lateral-offset": (2.0, "m"),
+    "gap": (20.0, "m"),
+    "lead-deceleration": (5.0, "m/s^2"),
+    "subject-onset": (5.0, "m/s^2"),
+    "lead-onset": (5.0, "m/s^2"),
+}
+"""Tolerance of recorded trials (`cwcli.conformance.validity`) -> the largest one that a file can give, and its unit.
+Chosen by hand: several times the published ones; beyond them any drive would be a valid trial."""
+POSITIVE_GIVEN_NUMBERS = ("host_speed", "gap", "deceleration", "ramp_time", "approach_time", "lane_change_time")
+"""Names of what a trial can be given that can't be 0."""
 BASIS_WORDS = {
     "read": "as published",
     "memory": "as commonly stated, not checked",
@@ -223,7 +252,11 @@ def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
         key: _parse_number(key, table, where, place="tolerances")
         for key, table in _table_or_empty(document, "tolerances", where).items()
     }
-    trials = [trial for table in document["trials"] for trial in _parse_trials(table, numbers, where)]
+    _check_tolerances(tolerances, where)
+    tables, left_out = document["trials"], _table_or_empty(document, "left_out", where)
+    if not isinstance(tables, list):
+        raise UsageError(f"trials is {tables!r}; permitted: tables [[trials]]", where=where)
+    trials = [trial for table in tables for trial in _parse_trials(table, numbers, where)]
     if not 0 < len(trials) <= MAX_TRIALS_OF_CLAUSE:
         raise UsageError(f"it has {len(trials)} trials; permitted: 1 to {MAX_TRIALS_OF_CLAUSE}", where=where)
     names = [trial.name for trial in trials]
@@ -244,7 +277,7 @@ def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
         numbers=numbers,
         tolerances=tolerances,
         trials=tuple(trials),
-        left_out=dict(document.get("left_out", {})),
+        left_out={str(trial): str(reason) for trial, reason in left_out.items()},
     )
 
 
@@ -254,11 +287,34 @@ def _check_choices(document: Mapping[str, Any], where: str) -> None:
     from cwcli.conformance.policies import PEDALS_BY_POLICY
 
     for key, known in (("grade", SCENARIO_OVERRIDES_BY_GRADE), ("policy", PEDALS_BY_POLICY)):
-        if key in document and document[key] not in known:
+        if key in document and not _is_one_of(document[key], known):
             raise UsageError(
                 f"{key} is {document[key]!r}",
                 where=where,
                 hint=hint_at_closest_or_all_known_names(str(document[key]), known),
+            )
+
+
+def _is_one_of(value: object, known: Container[str]) -> bool:
+    """Whether a value of the file is a text, and one of those known; a list is not even comparable with them."""
+    return isinstance(value, str) and value in known
+
+
+def _check_tolerances(tolerances: Mapping[str, PublishedNumber], where: str) -> None:
+    """Refuse a tolerance that nothing is checked against, that is no single number, or of another unit or size."""
+    for name, number in tolerances.items():
+        if name not in LARGEST_TOLERANCE_AND_UNIT:
+            hint = hint_at_closest_or_all_known_names(name, LARGEST_TOLERANCE_AND_UNIT)
+            raise UsageError(f"tolerances.{name} is unknown", where=where, hint=hint)
+        largest, unit = LARGEST_TOLERANCE_AND_UNIT[name]
+        same_dimension = UNITS_BY_SI_UNIT[unit]
+        if number.unit not in same_dimension:
+            hint = f"one of: {', '.join(same_dimension)}"
+            raise UsageError(f"tolerances.{name}.unit is {number.unit!r}", where=where, hint=hint)
+        if len(number.values) != 1 or number.values_in_si_units[0] > largest:
+            raise UsageError(
+                f"tolerances.{name}.value is {number.text}; permitted: one number, at most {largest:g} {unit}",
+                where=where,
             )
 
 
@@ -302,11 +358,11 @@ def _parse_number(name: str, table: Any, where: str, place: str = "numbers") -> 
     """Check one number: finite, of a known unit, physically possible, and with a source."""
     path = f"{place}.{name}"
     _check_keys(table, NUMBER_KEYS, {"value", "unit", "source", "basis"}, path, where)
-    if table["unit"] not in SI_PER_UNIT:
+    if not _is_one_of(table["unit"], SI_PER_UNIT):
         raise UsageError(f"{path}.unit is {table['unit']!r}", where=where, hint=f"one of: {', '.join(SI_PER_UNIT)}")
-    if table["basis"] not in BASIS_WORDS:
+    if not _is_one_of(table["basis"], BASIS_WORDS):
         raise UsageError(f"{path}.basis is {table['basis']!r}", where=where, hint=f"one of: {', '.join(BASIS_WORDS)}")
-    if table.get("ttc", "") not in MEANING_BY_TTC_DEFINITION:
+    if not _is_one_of(table.get("ttc", ""), MEANING_BY_TTC_DEFINITION):
         raise UsageError(
             f"{path}.ttc is {table['ttc']!r}", where=where, hint=f"one of: {', '.join(MEANING_BY_TTC_DEFINITION)}"
         )
@@ -339,20 +395,30 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
 
     _check_keys(table, TRIAL_KEYS, {"name", "scene", "judge"}, "trials", where)
     title = str(table["name"])
-    if table["scene"] not in SCENES:
+    if not _is_one_of(table["scene"], SCENES):
         hint = hint_at_closest_or_all_known_names(str(table["scene"]), SCENES)
         raise UsageError(f"{title}: there is no scene {table['scene']!r}", where=where, hint=hint)
-    require_judge_module(str(table["judge"]), where)
+    if not title.isprintable():
+        raise UsageError(f"trials.name is {title!r}; permitted: printable characters", where=where)
+    demands: Sequence[str] | None = getattr(require_judge_module(str(table["judge"]), where), "DEMANDS", None)
+    for key in _table_or_empty(table, "demands", where):
+        if demands is not None and key not in demands:
+            hint = hint_at_closest_or_all_known_names(str(key), demands)
+            raise UsageError(f"{title}: demands.{key} is unknown", where=where, hint=hint)
     used: dict[tuple[str, str], PublishedNumber] = {}
     for group in ("given", "demands"):
         for key, number in _table_or_empty(table, group, where).items():
-            if number not in numbers:
+            if not _is_one_of(number, numbers):
                 raise UsageError(
                     f"{title}: {group}.{key} names the number {number!r}, which is not defined",
                     where=where,
                     hint=hint_at_closest_or_all_known_names(str(number), numbers),
                 )
             used[group, key] = numbers[number]
+            if key in POSITIVE_GIVEN_NUMBERS and min(numbers[number].values) <= 0.0:
+                value = numbers[number].text
+                raise UsageError(f"numbers.{number}.value is {value}; permitted: more than 0", where=where)
+            _check_unit(f"{title}: {group}.{key}", key, numbers[number], where)
     SCENES[table["scene"]].check_keys([key for group, key in used if group == "given"], title, where)
     lists = list(dict.fromkeys(number.name for number in used.values() if len(number.values) > 1))
     if table.get("combine", "one by one") == "all":
@@ -384,6 +450,15 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
     return trials
 
 
+def _check_unit(path: str, key: str, number: PublishedNumber, where: str) -> None:
+    """Refuse a number of another dimension than its name says."""
+    words = str(key).split("_")
+    unit = next((SI_UNIT_BY_WORD[word] for word in (words[-1], words[0]) if word in SI_UNIT_BY_WORD), None)
+    if unit is not None and number.unit not in UNITS_BY_SI_UNIT[unit]:
+        hint = f"one of: {', '.join(UNITS_BY_SI_UNIT[unit])}"
+        raise UsageError(f"{path} has the unit {number.unit!r}", where=where, hint=hint)
+
+
 def _describe_numbers(used: Mapping[tuple[str, str], PublishedNumber], group: str, index: Mapping[str, int]) -> str:
     """The numbers of a trial in words and in the file's units; what has no unit is a switch and is named alone."""
     words = []
@@ -401,7 +476,7 @@ def require_judge_module(judge: str, where: str) -> Any:
         UsageError: There is none.
     """
     module = f"cwcli.conformance.judges.{judge.replace('-', '_')}"
-    if not judge.replace("-", "").isalnum() or find_spec(module) is None:
+    if not all(word.isalnum() for word in judge.split("-")) or find_spec(module) is None:
         folder = files("cwcli.conformance") / "judges"
         names = [entry.name.removesuffix(".py").replace("_", "-") for entry in folder.iterdir()]
         known = sorted(name for name in names if name.isascii() and not name.startswith("-"))

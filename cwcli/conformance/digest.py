@@ -46,8 +46,9 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     settings = ", ".join(value if name == "grade" else f"{name} {value}" for name, value in result.settings.items())
     lines = []
     n_idle = len(result.trials) - len(driven)
-    if n_idle:
-        lines.append(f"{format_count(n_idle, 'trial')} of the clause not in this log")
+    if n_idle or ("log" in result.settings and clause.n_required > 1):
+        asked = f"{clause.n_required} of {clause.n_repetitions} repetitions" if clause.n_required > 1 else "each"
+        lines.append(f"one trial of one log: the clause asks for {asked} of its {len(result.trials)} trials")
     worst = result.worst_trial
     if worst is not None and worst.outcome == FAILED and worst.worst is not None and worst.worst.verdict is not None:
         lines.append(f"worst: {worst.trial.name}: {worst.worst.verdict.text}")

@@ -16,11 +16,13 @@ from cwcli.conformance.encounter import TRIAL_TRUTH_STEP_S, Encounter
 from cwcli.conformance.grades import RADAR_OF_EVERY_GRADE, SCENARIO_OVERRIDES_BY_GRADE
 from cwcli.conformance.scenes import BuiltScene
 from cwcli.conformance.verdict import RaisedWarning
-from cwcli.errors import MissingSignalError
+from cwcli.errors import MissingSignalError, UsageError
+from cwcli.evaluation.records import find_collision_warning_record_and_is_of_targets, warning_config_from_record
 from cwcli.input import InputFile
 from cwcli.logs.read.reader import Log
 from cwcli.output_stream import OutputStream
 from cwcli.pipeline.execute import WRITE_ALL_CHANNELS
+from cwcli.pipeline.records import read_configuration, read_run_records
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
@@ -121,6 +123,7 @@ def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, w
 
     Raises:
         MissingSignalError: It lacks a signal that a stage needs.
+        UsageError: It holds warnings of another rule or horizon.
     """
     topics = {channel.topic for channel in log.channels}
     if EGO_STATE.topic not in topics:
@@ -135,7 +138,25 @@ def run_missing_stages(log: Log, rule: str, *, horizon_s: float | None = None, w
     if with_warnings and WARNINGS.topic not in topics:
         missing = WARNING_PIPELINE_STAGES[1:] if EGO_PATH.topic not in topics else WARNING_PIPELINE_STAGES[2:]
         return _run_stages(log, (rule,), missing, horizon_s)[0]
+    if with_warnings:
+        _refuse_warnings_of_other_settings(log, rule, horizon_s)
     return log
+
+
+def _refuse_warnings_of_other_settings(log: Log, rule: str, horizon_s: float | None) -> None:
+    """Refuse a log whose warnings another rule has raised, or one that looked ahead to another horizon."""
+    record, _ = find_collision_warning_record_and_is_of_targets(read_run_records(log))
+    configuration = read_configuration(record)
+    recorded = warning_config_from_record(record)
+    others = configuration.get("rules")
+    rules = (recorded.rule, *(others if isinstance(others, list) else ()))
+    if not record or (rule in rules and horizon_s in (None, recorded.horizon_s)):
+        return
+    raise UsageError(
+        f"its warnings are those of the rule {rules[0]} with a horizon of {recorded.horizon_s:g} s",
+        where=log.name,
+        hint=f"judge the log without warnings, or run `cwcli warn --replace --rule {rule}` on it first",
+    )
 
 
 def _run_stages(

@@ -10,6 +10,7 @@ from cwcli.conformance.clause import BASIS_WORDS, MEANING_BY_TTC_DEFINITION, Cla
 from cwcli.conformance.digest import NUMBERS_AS_PUBLISHED_TEXT
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
+from cwcli.text import format_count
 
 CLAUSE_COLUMNS = ("name of the clause", "outcome", "trials passed", "worst margin to the limit")
 TRIAL_COLUMNS = (
@@ -101,7 +102,7 @@ def format_markdown(results: Sequence[ClauseResult]) -> str:
         lines += [
             f"\n## {clause.name}\n",
             f"{clause.title}. Source: {clause.source}; {NUMBERS_AS_PUBLISHED_TEXT}. {settings}; "
-            f"{result.n_repetitions} repetitions of each trial.",
+            f"{format_count(result.n_repetitions, 'repetition')} of each trial.",
         ]
         if clause.reading:
             lines += ["", f"How the numbers are read: {clause.reading}"]

@@ -7,7 +7,7 @@ on without a reaction from there: the host at its speed, the other at its decele
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from cwcli.conformance.clause import Clause, Trial, clause_names, load_clause
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.online import run_missing_stages
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
-from cwcli.conformance.run import ConformConfig, judge_driven_trial
+from cwcli.conformance.run import ConformConfig, judge_driven_trial, settings_of_clause_run
 from cwcli.conformance.validity import (
     RECORDED_SCENES,
     checked_start_and_end_s,
@@ -99,13 +99,38 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
         encounters = _encounter_by_other_vehicle(real, place, log.start_ns)
         trial, encounter = _find_driven_trial_and_encounter(clause, encounters, place)
         result = _check_and_judge_recorded_trial(clause, trial, encounter, warnings, config, place)
-    return ClauseResult(
-        clause,
-        tuple(TrialResult(each, (result,) if each is trial else (), 1) for each in clause.trials),
-        1,
-        {"log": place.name, **({"system": place.system} if place.system else {"rule": config.rule})},
-        notes,
-    )
+    settings = {"log": place.name, **settings_of_clause_run(clause, config)}
+    del settings["grade"]
+    if place.system:
+        settings = {"log": place.name, "system": place.system} | {
+            name: value for name, value in settings.items() if name == "policy"
+        }
+    trials = tuple(TrialResult(each, (result,) if each is trial else (), 1) for each in clause.trials)
+    return ClauseResult(clause, trials, 1, settings, notes)
+
+
+def judge_log_by_clauses(names: Sequence[str], place: LogTrial, config: ConformConfig) -> list[ClauseResult]:
+    """Judge a log by several clauses; one of which it holds no trial is not judged, and its note says why.
+
+    Raises:
+        CwcliError: As `judge_log` does; of one clause alone, or of all of them.
+    """
+    if len(names) == 1:
+        return [judge_log(names[0], place, config)]
+    results, reasons = [], []
+    for name in names:
+        clause = load_clause(name)
+        try:
+            if not clause.tolerances:
+                raise DataError("it has no tolerances of recorded trials")
+            results.append(judge_log(name, place, config))
+        except DataError as error:
+            reasons.append(f"{name}: not judged: {error.what}")
+            trials = tuple(TrialResult(each, (), 1) for each in clause.trials)
+            results.append(ClauseResult(clause, trials, 1, {"log": place.name}, (reasons[-1],)))
+    if len(reasons) == len(names):
+        raise DataError("it holds no trial of the clauses", where=place.name, found=tuple(reasons))
+    return results
 
 
 def _warnings_of_own_rule(log: Log, rule: str) -> tuple[RaisedWarning, ...]:
@@ -223,6 +248,14 @@ def _check_and_judge_recorded_trial(
             found=(f"both vehicles are known from {begin_s:.2f} to {end_s:.2f} s", *error.found),
             hint="begin the window (--start) earlier",
         ) from error
+    latest_s = verdict.values.get("latest_s", math.nan)
+    if math.isnan(driven.warned_s) and reaction_s == end_s < latest_s:
+        raise DataError(
+            f"{trial.name}: its record ends before the warning is due",
+            where=place.name,
+            found=(f"both vehicles are known until {end_s:.2f} s, and the warning is due at {latest_s:.2f} s",),
+            hint="end the window (--end) later, or record the trial to its end",
+        )
     breaches = find_tolerance_breaches(
         clause, trial, encounter, checked_start_and_end_s(trial, whole, driven.warned_s, verdict)
     )

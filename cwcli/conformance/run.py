@@ -137,7 +137,7 @@ def run_clauses_with_rules(
                     for k, trial in enumerate(clause.trials)
                 ),
                 len(seeds[name]),
-                _settings_of_clause_run(clause, replace(config, rule=rule)),
+                settings_of_clause_run(clause, replace(config, rule=rule)),
             )
             for name, clause in clauses.items()
         ]
@@ -300,9 +300,14 @@ def judge_driven_trial(trial: Trial, driven: DrivenTrial, where: str) -> Verdict
         raise UsageError(f"{trial.name}: {error.what}", where=where, found=error.found, hint=error.hint) from error
 
 
-def _settings_of_clause_run(clause: Clause, config: ConformConfig) -> dict[str, str]:
-    """How a clause was run, for the output."""
+def settings_of_clause_run(clause: Clause, config: ConformConfig) -> dict[str, str]:
+    """The settings that the trials of a clause depend on, for the output; drives in a lane have their own."""
+    if all(trial.rule for trial in clause.trials):
+        return {"rule": ", ".join(sorted({trial.rule for trial in clause.trials}))}
     horizon = {} if config.horizon_s is None else {"horizon": f"{config.horizon_s:g} s"}
     settings = {"rule": config.rule, **horizon, "grade": config.grade or clause.grade}
     policy = config.policy or clause.policy
-    return settings if policy == NO_BRAKING_POLICY else {**settings, "policy": policy}
+    is_used = any(
+        getattr(require_judge_module(each.judge, clause.name), "USES_POLICY", False) for each in clause.trials
+    )
+    return {**settings, "policy": policy} if is_used and policy != NO_BRAKING_POLICY else settings

@@ -188,9 +188,10 @@ def command(
     else:
         _print_results(console, results, details=output.details)
         print_written_files(console, targets)
-    if any(result.outcome != "pass" for result in results):
+    failed = [result for result in results if result.outcome not in ("pass", "not judged")]
+    if failed:
         if talk.quiet:
-            names = ", ".join(result.clause.name for result in results if result.outcome != "pass")
+            names = ", ".join(result.clause.name for result in failed)
             console.print_failure(f"clauses that do not pass: {names}")
         return EXIT_GATE_FAILED
     return EXIT_DONE
@@ -228,13 +229,13 @@ def _run_or_read_trials(
             progress(n_done, n_trials)
 
         return run_clauses(names, config, show_progress, RepetitionCache(trials.cache) if trials.cache else None)
-    from cwcli.conformance.recorded import LogTrial, judge_log
+    from cwcli.conformance.recorded import LogTrial, judge_log_by_clauses
 
     if trials.seeds is not None or trials.grade is not None or trials.cache is not None:
         raise UsageError("--seeds, --grade and --cache are for simulated trials", hint="leave them out with --log")
     progress.begin_step(f"reading {recorded.log}")
     place = LogTrial(recorded.log, recorded.system, recorded.lead, recorded.start, recorded.end)
-    return [judge_log(name, place, config) for name in names]
+    return judge_log_by_clauses(names, place, config)
 
 
 def _list_clauses(console: Console, *, as_json: bool) -> int:

@@ -19,6 +19,11 @@ from cwcli.conformance.policies import NO_BRAKING_POLICY, drive_with_policy
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.signals.units import KMH_PER_MPS
 
+DEMANDS = ("lead_time", "deceleration", "impact_speed")
+"""Names of the numbers that it asks for."""
+USES_POLICY = True
+"""Whether its verdict depends on how the warned car brakes."""
+
 
 def latest_braking_s(encounter: Encounter, deceleration_mps2: float, impact_mps: float) -> float:
     """Latest time at which braking limits the relative speed at contact; NaN if no time does.

@@ -14,6 +14,9 @@ from cwcli.conformance.lane_trials import LaneDrift
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.errors import UsageError
 
+DEMANDS = ("latest_outside", "earliest_slow", "earliest_time", "earliest_fast")
+"""Names of the numbers that it asks for."""
+
 
 def warning_window(drift: LaneDrift, demands: dict[str, float]) -> WarningWindow:
     """The window between the two lines; a warning before the earliest line is too early."""

@@ -20,6 +20,9 @@ from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.signals.columns import FloatArray
 
+DEMANDS = ("reaction_time", "required_deceleration", "longest_ttc")
+"""Names of the numbers that it asks for."""
+
 
 def required_deceleration_mps2(encounter: Encounter, reaction_s: float) -> FloatArray:
     """Deceleration that the host needs after the reaction time, (k,); infinity where the gap is gone by then."""

@@ -6,6 +6,9 @@ import math
 
 from cwcli.conformance.verdict import DrivenTrial, Verdict
 
+DEMANDS = ()
+"""Names of the numbers that it asks for."""
+
 
 def judge(driven: DrivenTrial) -> Verdict:
     """Judge one repetition."""

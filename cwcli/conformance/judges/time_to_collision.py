@@ -11,6 +11,9 @@ import math
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 
+DEMANDS = ("ttc", "ttc_with_accelerations")
+"""Names of the numbers that it asks for."""
+
 
 def warning_window(encounter: Encounter, demands: dict[str, float]) -> WarningWindow:
     """The window from the event to the moment at which the time to collision falls below the number."""

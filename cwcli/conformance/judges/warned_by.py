@@ -14,6 +14,9 @@ import numpy as np
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 
+DEMANDS = ("shortest_ttc", "longest_ttc", "to_contact")
+"""Names of the numbers that it asks for."""
+
 
 def warning_window(encounter: Encounter, demands: dict[str, float]) -> WarningWindow:
     """The window between the two times to collision."""

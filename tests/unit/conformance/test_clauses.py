@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from copy import deepcopy
 from importlib.resources import files
@@ -160,12 +161,29 @@ def test_five_of_seven_is_a_share_of_other_numbers_of_seeds() -> None:
         (lambda d: d.update(trial=[]), "trial is unknown"),
         (lambda d: d["trials"].append(d["trials"][0]), "two trials are called"),
         (lambda d: d.update(policy="hope"), "policy is 'hope'"),
+        (lambda d: d.update(grade=["fine"]), "grade is ['fine']"),
+        (lambda d: d.update(trials=3), "trials is 3; permitted: tables"),
+        (lambda d: d.update(left_out=5), "left_out is 5; permitted: a table"),
+        (lambda d: d["numbers"]["subject-speed"].update(unit=["mph"]), "unit is ['mph']"),
+        (lambda d: d["numbers"]["subject-speed"].update(basis=["read"]), "basis is ['read']"),
+        (lambda d: d["trials"][0].update(scene=["approach"]), "no scene ['approach']"),
+        (lambda d: d["trials"][0].update(name="a\x1b[31m"), "permitted: printable characters"),
+        (lambda d: d["trials"][0].update(judge="--init--"), "no judge '--init--'"),
+        (lambda d: d["trials"][0]["given"].update(host_speed=["subject-speed"]), "which is not defined"),
+        (lambda d: d["trials"][0]["given"].update(host_speed="ttc-stopped"), "given.host_speed has the unit 's'"),
+        (lambda d: d["trials"][0]["demands"].update(ttc="subject-speed"), "demands.ttc has the unit 'mph'"),
+        (lambda d: d["trials"][0]["demands"].update(mercy="ttc-stopped"), "demands.mercy is unknown"),
+        (lambda d: d["numbers"]["brake-ramp"].update(value=0), "brake-ramp.value is 0"),
+        (lambda d: d["tolerances"].update(gapp=d["tolerances"]["gap"]), "tolerances.gapp is unknown"),
+        (lambda d: d["tolerances"]["gap"].update(unit="s"), "tolerances.gap.unit is 's'"),
+        (lambda d: d["tolerances"]["gap"].update(value=[1.0, 2.0]), "permitted: one number, at most 20 m"),
+        (lambda d: d["tolerances"]["gap"].update(value=400.0), "permitted: one number, at most 20 m"),
     ],
 )
 def test_nonsense_in_a_file_is_refused_with_its_place(change: Any, words: str) -> None:
     broken = document()
     change(broken)
-    with pytest.raises(UsageError, match=words.replace("(", r"\(")) as caught:
+    with pytest.raises(UsageError, match=re.escape(words)) as caught:
         parse_clause(broken, "mine")
     assert caught.value.where == "mine.toml"
 

@@ -55,7 +55,7 @@ def test_outcomes_of_a_clause() -> None:
     broken = result("nhtsa-fcw", [0.1, None, None], ("subject speed 18.00 m/s at 3.00 s",))
     assert broken.outcome == NOT_VALID
     assert "not valid: subject speed 18.00 m/s at 3.00 s" in format_digest([broken])
-    assert "2 trials of the clause not in this log" in format_digest([broken])
+    assert "one trial of one log: the clause asks for 5 of 7 repetitions of its 3 trials" in format_digest([broken])
 
 
 def test_five_of_seven_pass_and_four_fail() -> None:

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Mapping
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from cwcli.cli.main import run_command_line
 from cwcli.conformance.clause import load_clause
 from cwcli.conformance.digest import format_digest
 from cwcli.conformance.online import build_trial_scenario
-from cwcli.conformance.recorded import LogTrial, judge_log
+from cwcli.conformance.recorded import LogTrial, judge_log, judge_log_by_clauses
 from cwcli.conformance.results import FAILED, NOT_VALID, PASSED, ClauseResult
 from cwcli.conformance.run import ConformConfig, run_trial
 from cwcli.conformance.scenes import SCENES, BuiltScene
@@ -184,6 +186,37 @@ def test_a_window_that_begins_after_the_last_moment_of_a_warning_is_refused(tmp_
     with pytest.raises(DataError, match="lead vehicle stopped: its record is too short") as caught:
         judge_log(CLAUSE, LogTrial(place.name, start_s=6.5), CONFIG)
     assert caught.value.found[1] == "even at the trial's start, a warning would be too late"
+
+
+def test_a_record_that_ends_before_the_warning_is_due_is_refused(tmp_path: Path) -> None:
+    place = write_trial(tmp_path / "a.mcap", 0)
+    with pytest.raises(DataError, match="lead vehicle stopped: its record ends before the warning is due"):
+        judge_log(CLAUSE, LogTrial(place.name, end_s=3.0), CONFIG)
+
+
+def test_warnings_of_another_rule_or_horizon_are_refused(tmp_path: Path) -> None:
+    place = write_trial(tmp_path / "a.mcap", 0)
+    annotated = str(tmp_path / "annotated.mcap")
+    assert run_command_line(["run", place.name, "--stage", "estimate,predict,warn", "-o", annotated, "-q"]) == 0
+    assert outcomes(judge_log(CLAUSE, LogTrial(annotated), CONFIG)) == {"lead vehicle stopped": PASSED}
+    for change in ({"rule": "ttc"}, {"horizon_s": 3.0}):
+        with pytest.raises(UsageError, match="its warnings are those of the rule cwcli"):
+            judge_log(CLAUSE, LogTrial(annotated), replace(CONFIG, **change))
+
+
+def test_a_pass_of_one_log_says_how_little_of_the_clause_it_is(tmp_path: Path) -> None:
+    lines = format_digest([judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0), ConformConfig(policy="full"))])
+    assert "one trial of one log: the clause asks for 5 of 7 repetitions of its 3 trials" in lines
+    assert not any("policy" in line for line in lines)  # this clause's judge asks for the warning alone
+
+
+def test_clauses_that_a_log_does_not_hold_are_not_judged(tmp_path: Path) -> None:
+    place = write_trial(tmp_path / "a.mcap", 0)
+    results = judge_log_by_clauses(["etsi-101-539", "j2945-1", CLAUSE], place, CONFIG)
+    assert [result.outcome for result in results] == ["not judged", "not judged", PASSED]
+    assert results[0].notes == ("etsi-101-539: not judged: it has no tolerances of recorded trials",)
+    with pytest.raises(DataError, match="it holds no trial of the clauses"):
+        judge_log_by_clauses(["etsi-101-539", "j2945-1"], place, CONFIG)
 
 
 def test_a_failed_recording_fails(tmp_path: Path) -> None:
