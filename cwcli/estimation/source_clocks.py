@@ -205,6 +205,15 @@ def _replace_coarse_stamps_and_note(
                     "take their place"
                 )
                 stamped = replace(m, stamp_ns=m.received_ns - least_ns)
+            elif (
+                is_equal.sum() >= MIN_ROWS_BESIDE_CLOCK_STEP
+                and (moved := _move_rows_of_equal_stamp_into_pauses_and_count(m)) is not None
+            ):
+                stamped = moved[0]
+                notes[m.source] = (
+                    f"{m.source}: its stamps repeat in {moved[1]} of {len(m)} rows with other values, beside pauses: "
+                    "those rows are spread over the pauses"
+                )
         found.append(stamped)
     return found, list(notes.values())
 
@@ -232,6 +241,35 @@ def _spread_rows_of_equal_stamp_and_step_s(m: Measurements) -> tuple[Measurement
     share = (order + 0.5) / np.repeat(n_rows, size)
     spread_ns = m.stamp_ns + np.rint(share * step_ns).astype(np.int64)
     return replace(m, stamp_ns=spread_ns, log_time_ns=None if m.log_time_ns is None else spread_ns), step_ns / NS_PER_S
+
+
+def _move_rows_of_equal_stamp_into_pauses_and_count(m: Measurements) -> tuple[Measurements, int] | None:
+    """Return the measurements with rows of one stamp spread over the pause beside it, and how many were moved.
+
+    A driver that stamps two rows alike leaves a pause as long as what is missing, before or behind them. None where
+    there are hardly any, or stamps are not in order.
+    """
+    stamp_ns, first, size = np.unique(m.stamp_ns, return_index=True, return_counts=True)
+    if len(stamp_ns) < len(m) * MIN_EQUAL_STAMP_SHARE or not (np.diff(m.stamp_ns) >= 0).all():
+        return None
+    gap_ns = np.diff(stamp_ns)
+    usual_ns = median_of_finite_values(gap_ns.astype(np.float64))
+    is_long = [
+        np.abs(np.append(gap_ns, 0) - size * usual_ns) < 0.25 * usual_ns,
+        np.abs(np.append(0, gap_ns) - size * usual_ns) < 0.25 * usual_ns,
+    ]
+    moved_ns = m.stamp_ns.copy()
+    n_moved = 0
+    for k in np.flatnonzero((size > 1) & (is_long[0] | is_long[1])).tolist():
+        rows = np.arange(first[k], first[k] + size[k])
+        if not (np.diff(m.values[rows], axis=0) != 0.0).any(axis=1).all():
+            continue
+        order = np.arange(size[k]) - (0 if is_long[0][k] else size[k] - 1)
+        moved_ns[rows] += np.rint(order * usual_ns).astype(np.int64)
+        n_moved += int(size[k]) - 1
+    if n_moved < MIN_ROWS_BESIDE_CLOCK_STEP:
+        return None
+    return replace(m, stamp_ns=moved_ns), n_moved
 
 
 def notes_on_hidden_clock_steps(measurements: Sequence[Measurements], sources: Sequence[str]) -> list[str]:

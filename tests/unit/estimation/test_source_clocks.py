@@ -222,3 +222,26 @@ def test_repeated_messages_and_stamps_of_batches_are_not_spread() -> None:
         aligned, notes = align_source_clocks_and_note([each, *others])
         assert (aligned[0].stamp_ns == each.stamp_ns).all()
         assert not notes
+
+
+@pytest.mark.parametrize("is_of_next", [False, True])
+def test_rows_with_the_stamp_of_their_neighbour_go_into_the_pause_beside_it(is_of_next: bool) -> None:
+    fixes, *others = drive()
+    stamp_ns = fixes.stamp_ns.copy()
+    rows = np.arange(10, len(fixes) - 10, 7)
+    stamp_ns[rows] = fixes.stamp_ns[rows + (1 if is_of_next else -1)]
+    (aligned, *unchanged), (note,) = align_source_clocks_and_note([replace(fixes, stamp_ns=stamp_ns), *others])
+    np.testing.assert_allclose((aligned.stamp_ns - fixes.stamp_ns) / NS, 0.0, atol=1e-3)
+    assert unchanged == others
+    assert note.startswith(f"/position: its stamps repeat in {len(rows)} of {len(fixes)} rows with other values")
+
+
+def test_rows_of_equal_stamp_without_a_pause_stay() -> None:
+    fixes, *others = drive()
+    twice = replace(fixes, stamp_ns=np.repeat(fixes.stamp_ns, 2)[: len(fixes)], log_time_ns=None)
+    several = replace(
+        fixes, stamp_ns=np.insert(fixes.stamp_ns, range(0, 1000, 50), fixes.stamp_ns[0:1000:50]),
+        values=np.insert(fixes.values, range(0, 1000, 50), fixes.values[0:1000:50] + 0.1, axis=0), log_time_ns=None,
+    )  # fmt: skip
+    assert not any("stamps repeat" in note for note in align_source_clocks_and_note([several, *others])[1])
+    assert not any("stamps repeat" in note for note in align_source_clocks_and_note([twice, *others])[1])
