@@ -174,14 +174,20 @@ class MessageReader:
         Raises:
             InputError: A chunk without message index is damaged, and `recover` is off.
         """
-        self.distrust_indexes_if_miscounted(channel_ids)
         found = [np.zeros(0, np.uint64)]
+        n_listed = dict.fromkeys(channel_ids, 0)
         n_unlisted = 0
         for chunk in self.chunks_with_channels(channel_ids):
-            own = chunk.index_offsets.keys() & set(channel_ids)
-            listed = [find_message_index_entries(self._file, self._index, chunk, each) for each in own]
-            found += [entries[:, 0] for entries in listed if entries is not None]
-            n_unlisted += not chunk.index_offsets or any(entries is None for entries in listed)
+            n_unlisted += not chunk.index_offsets
+            for each in n_listed.keys() & chunk.index_offsets.keys():
+                entries = find_message_index_entries(self._file, self._index, chunk, each)
+                if entries is None:
+                    n_unlisted += 1
+                else:
+                    found.append(entries[:, 0])
+                    n_listed[each] += len(entries)
+        if self._ids_of_miscounted_channels(n_listed):
+            self.distrust_indexes_if_not_yet()
         if n_unlisted or not self.trusts_indexes:
             found[1:] = [batch.log_time_ns.view(np.uint64) for batch in self.iter_batches(channel_ids)]
         else:

@@ -20,7 +20,7 @@ from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.open_index import index_every_record
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.write.message_merge import MessageMerge, feed_from_columns
+from cwcli.logs.write.message_merge import MessageMerge, feed_from_columns, merges_of_large_and_small_feeds
 from cwcli.logs.write.profile import profile_kept_by_channels_or_empty
 from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.source_copy import SourceCopy
@@ -31,9 +31,6 @@ from cwcli.work_share import report_work
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
-MIN_NEW_CHUNK_BYTES = 1 << 16
-"""The number of bytes of new messages that are worth a chunk; fewer wait for the source's next chunk, because tiny
-chunks are slow to read. Chosen by hand."""
 MAX_RECORD_ID = 0xFFFF
 """The greatest id of a schema or a channel: the format has 16 bits for it (MCAP specification)."""
 
@@ -144,7 +141,7 @@ def annotate_log(
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
         index.schemas | {each.schema.id: each.schema for each in new},
     )
-    merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new])
+    merges = merges_of_large_and_small_feeds([feed_from_columns(each.columns, each.channel.id) for each in new])
     copy = SourceCopy(source.file, index, faults, recover=source.recover)
     with open_output(
         target,
@@ -161,13 +158,13 @@ def annotate_log(
             replaced_metadata=options.excluded_metadata_names.union(metadata),
             written_schema_ids=frozenset(each.schema.id for each in new),
         )
-        n_added = _write_body_and_summary(writer, copy, new, merge, metadata)
+        n_added = _write_body_and_summary(writer, copy, new, merges, metadata)
         n_bytes = output.position
     return AnnotateReport(
         target=str(target),
         n_bytes=n_bytes,
         n_messages_copied=copy.n_messages,
-        n_messages_added=len(merge.log_time_ns),
+        n_messages_added=sum(map(len, merges)),
         n_chunks_copied=copy.n_chunks,
         n_chunks_added=n_added,
         replaced_topics=tuple(sorted({each.topic for each in replaced.values()})),
@@ -216,7 +213,7 @@ def annotate_parts(
         [each for each in channels if chosen_topics is None or each.topic in chosen_topics],
         {},
     )
-    merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new])
+    merges = merges_of_large_and_small_feeds([feed_from_columns(each.columns, each.channel.id) for each in new])
     make_folder(folder)
     part_paths = [Path(folder) / name for name in _part_file_names(file)]
     counted = [index.statistics for index in indexes]
@@ -239,7 +236,7 @@ def annotate_parts(
                 replaced_metadata=frozenset(metadata),
                 written_schema_ids=frozenset(each.schema.id for each in new),
             )
-            _write_body_and_summary(writer, copy, new, merge, metadata, until_ns=until)
+            _write_body_and_summary(writer, copy, new, merges, metadata, until_ns=until)
     return part_paths
 
 
@@ -247,7 +244,7 @@ def _write_body_and_summary(
     writer: RecordWriter,
     copy: SourceCopy,
     new: Sequence[NewChannel],
-    merge: MessageMerge,
+    merges: Sequence[MessageMerge],
     metadata: Mapping[str, Mapping[str, str]],
     *,
     until_ns: int | None = None,
@@ -271,12 +268,14 @@ def _write_body_and_summary(
         last_ns = copy.copy_item_and_get_last_log_time(writer, item)
         if last_ns is not None:
             last_ns = last_ns if until_ns is None else min(last_ns, until_ns)
-            for payload in merge.iter_chunk_payloads_until(last_ns, min_waiting_bytes=MIN_NEW_CHUNK_BYTES):
-                writer.write_chunk(payload)
-                n_added += 1
-    for payload in merge.iter_chunk_payloads_until(until_ns):
-        writer.write_chunk(payload)
-        n_added += 1
+            for merge in merges:
+                for payload in merge.iter_chunk_payloads_until(last_ns):
+                    writer.write_chunk(payload)
+                    n_added += 1
+    for merge in merges:
+        for payload in merge.iter_chunk_payloads_until(until_ns, is_last=True):
+            writer.write_chunk(payload)
+            n_added += 1
     for name, values in metadata.items():
         writer.write_metadata(name, values)
     copy.check_source_unchanged()

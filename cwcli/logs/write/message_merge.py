@@ -43,6 +43,12 @@ N_PROBE_ROWS_OF_STREAM = 2
 row may be an image."""
 MAX_ROWS_ENCODED_AT_ONCE = 512
 """The number of rows up to which a channel is encoded as a whole at once. Chosen by hand."""
+MIN_BYTES_OF_SHARED_CHUNK, MIN_BYTES_OF_OWN_CHUNK = 1 << 16, 1 << 18
+"""The bytes of new messages that are worth a chunk for several channels, and for one; fewer wait for the source's next
+chunk, because tiny chunks are slow to read. Chosen by hand."""
+MIN_SHARE_OF_CHANNEL_WITH_OWN_CHUNKS = 1 / 16
+"""The share of the bytes of all new messages from which a channel that fills a chunk has chunks of its own. Chosen by
+hand: its chunks then span no more time than 4 MB of all new messages."""
 MAX_MESSAGES_OF_NEW_CHUNK = 1 << 16
 """The greatest number of messages in a new chunk. Chosen by hand."""
 
@@ -187,11 +193,15 @@ class MessageMerge:
     Inside a chunk the messages are grouped by channel, each channel's in log-time order: similar messages are then
     neighbours, which saves a twentieth of the compressed size. Message indexes give the time order.
 
+    Args:
+        min_waiting_bytes: Bytes of new messages that are worth a chunk; fewer wait.
+
     Attributes:
         log_time_ns: Shape (n,), non-decreasing.
     """
 
-    def __init__(self, feeds: Sequence[MessageFeed]) -> None:
+    def __init__(self, feeds: Sequence[MessageFeed], min_waiting_bytes: int) -> None:
+        self._min_waiting_bytes = min_waiting_bytes
         self._feeds = [feed for feed in feeds if len(feed)]
         times = [feed.log_time_ns for feed in self._feeds]
         all_times = np.concatenate([np.zeros(0, np.int64), *times])
@@ -200,13 +210,17 @@ class MessageMerge:
         self._feed_of = np.repeat(np.arange(len(times), dtype=np.int32), [len(each) for each in times])[order]
         self._position = 0
 
-    def iter_chunk_payloads_until(self, time_ns: int | None, *, min_waiting_bytes: int = 0) -> Iterator[ChunkPayload]:
+    def __len__(self) -> int:
+        return len(self.log_time_ns)
+
+    def iter_chunk_payloads_until(self, time_ns: int | None, *, is_last: bool = False) -> Iterator[ChunkPayload]:
         """Yield chunk contents of the remaining messages up to a log time.
 
         Args:
             time_ns: Last log time; None for all messages.
-            min_waiting_bytes: Leave the messages for the next call if they have fewer bytes than this.
+            is_last: Leave none for the next call, however few they are.
         """
+        min_waiting_bytes = 0 if is_last else self._min_waiting_bytes
         stop = len(self.log_time_ns)
         if time_ns is not None:
             stop = int(np.searchsorted(self.log_time_ns, time_ns, side="right"))
@@ -250,6 +264,19 @@ class MessageMerge:
             starts = offsets[at] + MESSAGE_RECORD_DTYPE.itemsize
             copy_rows(data, starts, messages.data, messages.offsets[:-1], messages.sizes)
         return ChunkPayload(data, start_ns, end_ns, _index_entries_by_channel(header, offsets))
+
+
+def merges_of_large_and_small_feeds(feeds: Sequence[MessageFeed]) -> list[MessageMerge]:
+    """Return a merge for each channel that alone is much of all messages, and one for the others together.
+
+    Who reads the states then decompresses no predicted paths.
+    """
+    sizes = [len(feed) * feed.mean_message_bytes() for feed in feeds]
+    limit = max(sum(sizes) * MIN_SHARE_OF_CHANNEL_WITH_OWN_CHUNKS, BYTES_OF_FULL_NEW_CHUNK)
+    small = [feed for feed, size in zip(feeds, sizes, strict=True) if size < limit]
+    large = [feed for feed, size in zip(feeds, sizes, strict=True) if size >= limit]
+    merges = [MessageMerge([feed], MIN_BYTES_OF_OWN_CHUNK) for feed in large]
+    return [MessageMerge(small, MIN_BYTES_OF_SHARED_CHUNK), *merges]
 
 
 def _index_entries_by_channel(header: npt.NDArray[np.void], offsets: Int64Array) -> dict[int, npt.NDArray[np.void]]:
