@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +16,14 @@ from cwcli.measures import MEASURES
 from cwcli.metrics.condition_parser import Comparison, Number
 from cwcli.metrics.table import unit_of_column
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.inputs import normalise_schema_name
 from cwcli.signals.leaf_fields import read_numbers
+from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_BY_KIND
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
+
+if TYPE_CHECKING:
+    from cwcli.logs.read.reader import Log
 
 EGO_PREFIX, OTHER_PREFIX = "ego.", "other."
 """Beginnings of the names of the states of the ego and of the other vehicle."""
@@ -36,19 +42,22 @@ def measure_by_expression_name() -> Mapping[str, str]:
     return names
 
 
-def check_names_and_units(comparison: Comparison) -> None:
-    """Check the names and the units of a comparison, which takes no log.
+def check_names_and_units(comparison: Comparison, log: Log | None = None) -> None:
+    """Check the names and the units of a comparison; with a log also the units that its messages define.
 
     Raises:
         UsageError: A quantity is unknown, or a unit does not fit the others.
     """
     units = [(operand, _unit_of_operand(operand)) for operand in comparison.operands]
+    if log is not None:
+        units = [(operand, unit or _unit_defined_by_message_or_none(operand, log)) for operand, unit in units]
     known = [(operand, unit) for operand, unit in units if unit is not None]
     for (one, unit), (other, other_unit) in itertools.pairwise(known):
         if unit != other_unit:
             raise UsageError(
                 f"{_operand_text_with_unit(one, unit)} can't be compared with "
-                f"{_operand_text_with_unit(other, other_unit)}"
+                f"{_operand_text_with_unit(other, other_unit)}",
+                hint="" if log is None else "a number without a unit is in that of the field",
             )
 
 
@@ -67,6 +76,19 @@ def _unit_of_operand(operand: Number | Series) -> str | None:
     known = [*(f"{prefix}{state}" for prefix in (EGO_PREFIX, OTHER_PREFIX) for state in STATE_NAMES)]
     hint = hint_at_closest_or_all_known_names(name, [*known, *measure_by_expression_name()], "quantities")
     raise UsageError(f"there is no quantity {name}", hint=hint)
+
+
+def _unit_defined_by_message_or_none(operand: Number | Series, log: Log) -> str | None:
+    """Return the unit of a field whose message defines it."""
+    if isinstance(operand, Number):
+        return None
+    topic, field = split_topic_and_field(operand.name)
+    schemas = {normalise_schema_name(each.schema_name) for each in log.channels if each.topic == topic}
+    if "foxglove.LocationFix" in schemas:
+        schemas.add("sensor_msgs/NavSatFix")  # which has the same fields
+    mapped = (each.fields.get(field) for each in MAPPED_QUANTITIES_BY_ROLE.values() if each.schema in schemas)
+    kind = next(filter(None, mapped), None)
+    return None if kind is None else UNIT_BY_KIND[kind]
 
 
 def _operand_text_with_unit(operand: Number | Series, unit: str | None) -> str:

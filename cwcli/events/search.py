@@ -245,6 +245,8 @@ def _names_of_events(node: Node) -> Iterator[str]:
 
 def _iter_moments_where_true(evidence: EventEvidence, query: Query) -> Iterator[Moment]:
     """Yield the moments in which an expression holds, for each other vehicle if it is about one."""
+    for comparison in _iter_comparisons(query.node):
+        check_names_and_units(comparison, evidence.log)
     operands = [operand for each in _iter_comparisons(query.node) for operand in each.operands]
     moments = {name: list(EVENTS[name].find(evidence)) for name in set(_names_of_events(query.node))}
     about_pairs = any(map(needs_other_vehicle, operands))

@@ -34,6 +34,15 @@ UNIT_FACTORS_BY_KIND: dict[str, dict[str, float]] = {
     "height": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
 }
 """The factor of each unit to cwcli's unit (m/s, rad, rad/s, m/s^2, degrees, m), by kind of quantity."""
+UNIT_BY_KIND = {
+    "speed": "m/s",
+    "angle": "rad",
+    "turn rate": "rad/s",
+    "acceleration": "m/s^2",
+    "place": "deg",
+    "height": "m",
+}
+"""The unit in which messages give each kind of quantity (ROS REP 103 and `sensor_msgs/NavSatFix`)."""
 MAPPING_SEPARATOR = "|"
 """The character between two mappings of a role."""
 NS_PER_TIME_UNIT = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}

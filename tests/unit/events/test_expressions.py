@@ -19,6 +19,7 @@ from cwcli.logs.write.writer import LogWriter
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_S = 0.1
+SAMPLE = Path(__file__).parents[3] / "sample_logs" / "intersection.mcap"
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +111,28 @@ def test_nonsense_is_refused(text: str, words: str) -> None:
     with pytest.raises(UsageError) as caught:
         parse_query(text)
     assert words in f"{caught.value} {caught.value.hint}"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("/gps/fix:latitude > 3 km/h", "/gps/fix:latitude in deg can't be compared with a number in m/s"),
+        ("3 m < /gps/fix:latitude", "a number in m can't be compared with /gps/fix:latitude in deg"),
+        ("/gps/fix:latitude < 49 deg", "a number without a unit is in that of the field"),
+        ("/imu/data:linear_acceleration.x > 1 rad", "in m/s^2 can't be compared with a number in rad"),
+        ("/gps/fix:altitude > /gps/fix:latitude", "altitude in m can't be compared with /gps/fix:latitude in deg"),
+    ],
+)
+def test_units_that_messages_define_are_compared(text: str, words: str) -> None:
+    with Log.open(SAMPLE) as log, pytest.raises(UsageError) as caught:
+        find_events_in_log(log, parse_query(text))
+    assert words in f"{caught.value} {caught.value.hint}"
+
+
+def test_units_that_fit_a_message_are_taken() -> None:
+    with Log.open(SAMPLE) as log:
+        for text in ("/gps/fix:altitude > -9 km", "/gps/fix:latitude > 1", "/imu/data:linear_acceleration.x < 9 g"):
+            assert len(find_events_in_log(log, parse_query(text)).found) == 1
 
 
 @pytest.mark.parametrize(
