@@ -23,6 +23,10 @@ RUN_FILE_PATTERN = re.compile(
     r"|logs/[^/]+/(annotated\.mcap|entry\.json|tables\.arrows))"
 )
 """Pattern of the files in the output folder of a run, by their paths in it (`cwcli.fleet.folder`)."""
+WORKING_FOLDER_PREFIX = "cwcli-store-"
+"""Beginning of the names of working folders in the folder for temporary files."""
+_lock_by_working_folder: dict[Path, int | None] = {}
+"""The descriptor that holds the lock of each working folder of this process."""
 FILES_WRITTEN_LAST = (RUN_TIMES_NAME, MANIFEST_NAME)
 """Files of a run that say what the others hold, in the order in which they are sent after them."""
 
@@ -58,16 +62,58 @@ def copy_remote_files(url: str, names: Iterable[str], target: Path) -> None:
 
 
 def make_working_folder() -> Path:
-    """Make a folder for copies of what lies in a store.
+    """Make a folder for copies of what lies in a store, and remove those that killed runs have left.
+
+    Each is locked while its run lasts, so that an unlocked one is nobody's.
 
     Raises:
         OutputError: It can't be made.
     """
+    for left in Path(tempfile.gettempdir()).glob(f"{WORKING_FOLDER_PREFIX}*"):
+        lock = _lock_folder_or_none(left)
+        if lock is not None:
+            shutil.rmtree(left, ignore_errors=True)
+            os.close(lock)
     try:
-        return Path(tempfile.mkdtemp(prefix="cwcli-run-"))
+        folder = Path(tempfile.mkdtemp(prefix="cwcli-new-"))  # no other run removes it before it is locked
+        lock = _lock_folder_or_none(folder)
+        if lock is not None:
+            folder = folder.rename(folder.with_name(WORKING_FOLDER_PREFIX + folder.name.removeprefix("cwcli-new-")))
+        inner = folder / "run"  # which the run locks itself
+        inner.mkdir()
+        _lock_by_working_folder[inner] = lock
     except OSError as error:
         what = f"no working folder can be made: {error.strerror}"
         raise OutputError(what, where=tempfile.gettempdir(), hint="set TMPDIR to a folder with space") from error
+    return inner
+
+
+def remove_working_folder(folder: Path) -> None:
+    """Remove a folder that `make_working_folder` has made, and its lock."""
+    shutil.rmtree(folder.parent, ignore_errors=True)
+    lock = _lock_by_working_folder.pop(folder, None)
+    if lock is not None:
+        os.close(lock)
+
+
+def _lock_folder_or_none(folder: Path) -> int | None:
+    """Lock a folder of this user; return the descriptor that holds the lock, or None where that can't be done."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return None
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except OSError:
+        return None
+    try:
+        if os.fstat(descriptor).st_uid != os.getuid():
+            raise OSError
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # another run's, another user's, or a file system without locks
+        os.close(descriptor)
+        return None
+    return descriptor
 
 
 def _file_system_and_folder(url: str) -> tuple[Any, str]:
@@ -138,7 +184,7 @@ class StoreFolder:
         try:
             self._fetch_earlier_run()
         except BaseException as error:
-            shutil.rmtree(self.path, ignore_errors=True)
+            remove_working_folder(self.path)
             if isinstance(error, InputError):  # the store is where the results go, not an input
                 raise OutputError(error.what, where=error.where, hint=error.hint) from error
             raise
@@ -147,7 +193,7 @@ class StoreFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        shutil.rmtree(self.path, ignore_errors=True)
+        remove_working_folder(self.path)
 
     def _fetch_earlier_run(self) -> None:
         """Fetch the files of an earlier run."""

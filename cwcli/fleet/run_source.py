@@ -5,7 +5,6 @@ Of a run in a store, the manifest and the metrics are copied; its annotated logs
 
 from __future__ import annotations
 
-import shutil
 import weakref
 from pathlib import Path
 
@@ -19,7 +18,12 @@ from cwcli.fleet.folder import (
     RecordedRun,
     read_output_folder,
 )
-from cwcli.fleet.remote_folder import copy_remote_files, copy_remote_folder, make_working_folder
+from cwcli.fleet.remote_folder import (
+    copy_remote_files,
+    copy_remote_folder,
+    make_working_folder,
+    remove_working_folder,
+)
 from cwcli.fleet.tables import METRICS_TABLE, TABLE_FILE_SUFFIX
 from cwcli.logs.read.recording import LOG_FILE_SUFFIXES, is_recording_folder
 from cwcli.logs.read.remote import WEB_PREFIXES, file_names_below_url, is_remote_url
@@ -73,9 +77,9 @@ def _read_run_in_store(url: str) -> RecordedRun | None:
         return run
     finally:
         if run is None:
-            shutil.rmtree(copy, ignore_errors=True)
+            remove_working_folder(copy)
         else:
-            weakref.finalize(run, shutil.rmtree, copy, ignore_errors=True)
+            weakref.finalize(run, remove_working_folder, copy)
 
 
 def _is_file_of_unfinished_run(name: str) -> bool:

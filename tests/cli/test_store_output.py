@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ from fsspec.implementations.memory import MemoryFileSystem
 
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BAD_INPUT, EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.fleet.remote_folder import make_working_folder, remove_working_folder
 from tests.cli.conftest import SAMPLES
 from tests.cli.fleet_logs import cut, tree
 
@@ -164,3 +167,21 @@ def test_what_is_no_store_is_refused(
 ) -> None:
     assert run(logs, directory, *options) == EXIT_USAGE
     assert message in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such locks")
+def test_a_working_folder_is_removed_by_the_next_run_if_its_own_was_killed(working_folders: Path) -> None:
+    code = f"import tempfile; tempfile.tempdir = {str(working_folders)!r}\n" + (
+        "from cwcli.fleet.remote_folder import make_working_folder; print(make_working_folder(), flush=True); input()"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        theirs = Path(other.stdout.readline().decode().strip())
+        (theirs / "log").write_bytes(b"half")
+        ours = make_working_folder()
+        assert {*working_folders.iterdir()} == {theirs.parent, ours.parent}  # one that is in use is left alone
+        other.kill()
+    remove_working_folder(make_working_folder())
+    assert {*working_folders.iterdir()} == {ours.parent}
+    remove_working_folder(ours)
+    assert [*working_folders.iterdir()] == []

@@ -130,7 +130,9 @@ def test_a_run_into_s3_that_was_killed_goes_on(bucket: dict[str, str], tmp_path:
     """`-d s3://`: killed after its first log was sent, run again, and equal to a run on this machine."""
     samples = Path(__file__).parents[2] / "sample_logs"
     logs = [str(samples / name) for name in ("straight.mcap", "curve.mcap", "rear-end.mcap")]
-    environment = {**os.environ, **bucket, "PYTHONPATH": str(samples.parent)}
+    working = tmp_path / "working"
+    working.mkdir()
+    environment = {**os.environ, **bucket, "PYTHONPATH": str(samples.parent), "TMPDIR": str(working)}
     options = ["--stage", "estimate", "--jobs", "1", "-q"]
     command = [sys.executable, "-m", "cwcli", "run", *logs, *options, "-d"]
     script = "import fsspec, sys; s3 = fsspec.filesystem('s3'); {}"
@@ -153,6 +155,7 @@ def test_a_run_into_s3_that_was_killed_goes_on(bucket: dict[str, str], tmp_path:
         subprocess.run([*command, target], check=True, env=environment, cwd=tmp_path, timeout=600)
     in_store("s3.get('results/run/', 'copy/', recursive=True)")
     assert tree(tmp_path / "copy") == tree(tmp_path / "local")
+    assert [*working.iterdir()] == []  # not even what the killed run had there
     denied = subprocess.run(
         [*command, "s3://nobucket/run"],
         check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=600,
