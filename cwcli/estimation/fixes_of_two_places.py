@@ -6,6 +6,7 @@ of one receiver every second fix lies where the others lie, and all together lie
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,10 +14,11 @@ import numpy as np
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
-from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, StateCovariance, StateRows, median_of_values
 from cwcli.signals.vehicle_state import HEADING, X, Y
 
+FixesOfTwoPlaces = tuple[str, float, str]
+"""Source, how far some of its fixes lie beside the others (m, 0: none do), and words for those that do."""
 MIN_FIXES_TO_SHOW_TWO_PLACES = 100
 """Least number of fixes that show it. Chosen by hand: ten blocks of five pairs."""
 MIN_REPORTED_ANTENNA_DISTANCE_M = 1.0
@@ -96,8 +98,9 @@ def distance_m_and_share_of_two_heaps(beside_m: EastNorthRows, heading_rad: Floa
     Late stamps leave two along the way alone. For the arguments see above.
     """
     none = 0.0, 0.0
-    _, axes = np.linalg.eigh(np.cov(beside_m.T))
-    along = axes[:, 1]
+    east_m, north_m = (beside_m - beside_m.mean(axis=0)).T
+    angle = 0.5 * math.atan2(2.0 * float(east_m @ north_m), float(east_m @ east_m - north_m @ north_m))
+    along = np.array([math.cos(angle), math.sin(angle)])  # of the greatest scatter
     if (
         np.mean(np.abs(np.column_stack([np.cos(heading_rad), np.sin(heading_rad)]) @ along) > MIN_COSINE_ALONG_PATH)
         > 0.9
@@ -138,33 +141,18 @@ def _limit_and_share_of_variance_within_two_heaps(values: FloatArray) -> tuple[f
     return float(0.5 * (ordered[k] + ordered[k + 1])), 1.0 - float(between[k] / max(ordered.var(), 1e-12))
 
 
-@dataclass(frozen=True)
-class FixesOfTwoPlaces:
-    """Fixes of which some lie beside the others.
-
-    Attributes:
-        source: Topic.
-        distance_m: How far; 0 where none do.
-        which: Words for those that do.
-    """
-
-    source: str
-    distance_m: float = 0.0
-    which: str = ""
-
-
 def find_contradictions_of_fixes_of_two_places(found: Sequence[FixesOfTwoPlaces]) -> list[Contradiction]:
     """Return contradictions of the sources of fixes of two places."""
     return [
         Contradiction(
-            SourceQuantity(each.source, Kind.POSITION),
+            SourceQuantity(source, Kind.POSITION),
             CAR_MOTION_TEXT,
-            f"{each.which} {each.distance_m:.1f} m beside the others, as of two receivers or antennas in one "
+            f"{which} {distance_m:.1f} m beside the others, as of two receivers or antennas in one "
             "topic; sigma holds the half of it",
             explains_misfits=True,
         )
-        for each in found
-        if each.distance_m
+        for source, distance_m, which in found
+        if distance_m
     ]
 
 
@@ -172,15 +160,11 @@ def find_fixes_of_two_places(
     series: Sequence[SensorSeries], time_s: FloatArray, state: StateRows
 ) -> list[FixesOfTwoPlaces]:
     """Return what was found of each source of used positions; for the times and states of the estimate see above."""
-    found = []
-    for s in series:
-        if s.kind is not Kind.POSITION or not len(s):
-            continue
-        each = FixesOfTwoPlaces(s.source)
-        if not s.is_exact:
-            each = FixesOfTwoPlaces(s.source, *distance_m_and_words_of_two_places(s, time_s, state))
-        found.append(each)
-    return found
+    return [
+        (s.source, *((0.0, "") if s.is_exact else distance_m_and_words_of_two_places(s, time_s, state)))
+        for s in series
+        if s.kind is Kind.POSITION and len(s)
+    ]
 
 
 def covariance_from_fixes_of_two_places(found: Sequence[FixesOfTwoPlaces]) -> StateCovariance:
@@ -189,5 +173,5 @@ def covariance_from_fixes_of_two_places(found: Sequence[FixesOfTwoPlaces]) -> St
     It is 0 where another position has none.
     """
     added = np.zeros((N_MOTION_STATES, N_MOTION_STATES))
-    added[X, X] = added[Y, Y] = 0.5 * (0.5 * min((each.distance_m for each in found), default=0.0)) ** 2
+    added[X, X] = added[Y, Y] = 0.5 * (0.5 * min((distance_m for _, distance_m, _ in found), default=0.0)) ** 2
     return added

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.fixes_of_two_places import (
-    FixesOfTwoPlaces,
     covariance_from_fixes_of_two_places,
     distance_m_and_words_of_two_places,
 )
@@ -91,9 +90,9 @@ def test_right_fixes_lie_in_one_heap(noise_m: float) -> None:
 
 
 def test_a_right_position_needs_no_wider_sigma() -> None:
-    assert covariance_from_fixes_of_two_places([FixesOfTwoPlaces("/a", 4.0)])[:2, :2].tolist() == [
+    assert covariance_from_fixes_of_two_places([("/a", 4.0, "")])[:2, :2].tolist() == [
         [2.0, 0.0],
         [0.0, 2.0],
     ]
-    assert not covariance_from_fixes_of_two_places([FixesOfTwoPlaces("/a", 4.0), FixesOfTwoPlaces("/b")]).any()
+    assert not covariance_from_fixes_of_two_places([("/a", 4.0, ""), ("/b", 0.0, "")]).any()
     assert not covariance_from_fixes_of_two_places([]).any()
