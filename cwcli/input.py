@@ -304,22 +304,22 @@ def remember_input_file(name: str | Path) -> None:
         _remember_run_input_and_get_inputs(os.fstat(0) if str(name) == "-" else os.stat(name), str(name))  # noqa: PTH116 - a name may hold a zero byte
 
 
-def is_input_of_run(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
-    """Return whether the file is an input of this run, or one of the files in `more`."""
+def is_input_of_run(status: os.stat_result, more_inputs: Sequence[InputFile] = ()) -> bool:
+    """Return whether the file is an input of this run, or one of the files in `more_inputs`."""
     inputs = _INPUTS_OF_RUN.get()
-    place = _file_identity_size_and_time(found)[:2]
-    of_more = (file.state[:2] for each in more for file in each.disk_files)
+    place = _file_identity_size_and_time(status)[:2]
+    of_more = (file.state[:2] for each in more_inputs for file in each.disk_files)
     return (inputs is not None and place in inputs.names) or place in of_more
 
 
-def check_unchanged(more: Sequence[InputFile] = ()) -> None:
-    """Check that the open logs of this run, and the files in `more`, have not changed.
+def check_unchanged(more_inputs: Sequence[InputFile] = ()) -> None:
+    """Check that the open logs of this run, and the files in `more_inputs`, have not changed.
 
     Raises:
         InputError: One has.
     """
     inputs = _INPUTS_OF_RUN.get()
-    for each in (*(inputs.open if inputs is not None else ()), *more):
+    for each in (*(inputs.open if inputs is not None else ()), *more_inputs):
         each.check_unchanged()
 
 
@@ -355,15 +355,15 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
         return data
 
 
-def _remember_run_input_and_get_inputs(found: os.stat_result, name: str) -> InputsOfRun | None:
+def _remember_run_input_and_get_inputs(status: os.stat_result, name: str) -> InputsOfRun | None:
     """Remember a regular file as an input of the run; return the run's inputs, None outside of a run."""
     inputs = _INPUTS_OF_RUN.get()
-    if inputs is not None and stat.S_ISREG(found.st_mode):
+    if inputs is not None and stat.S_ISREG(status.st_mode):
         for stream in STANDARD_STREAMS:
             with suppress(OSError):
-                if os.path.samestat(found, os.fstat(stream)):
+                if os.path.samestat(status, os.fstat(stream)):
                     raise OutputError("the output goes into the input itself", where=name, hint="write to another file")
-        inputs.names[found.st_dev, found.st_ino] = name
+        inputs.names[status.st_dev, status.st_ino] = name
     return inputs
 
 
@@ -406,6 +406,6 @@ def _stat_after_clock_tick(descriptor: int) -> os.stat_result:
     return os.fstat(descriptor)
 
 
-def _file_identity_size_and_time(found: os.stat_result) -> tuple[int, int, int, int]:
+def _file_identity_size_and_time(status: os.stat_result) -> tuple[int, int, int, int]:
     """Return device, inode number, size in bytes and time of the last change [ns]."""
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns

@@ -26,9 +26,9 @@ else:
     def replace(instance: Any, /, **changes: Any) -> Any:
         """Return a copy of a data class's instance with other values of some fields, as `dataclasses.replace` does."""
         kind = type(instance)
-        names = _COPIED_FIELDS.get(kind)
+        names = _MERELY_STORED_FIELDS_BY_CLASS.get(kind)
         if names is None:
-            names = _COPIED_FIELDS[kind] = _names_of_merely_stored_fields(kind)
+            names = _MERELY_STORED_FIELDS_BY_CLASS[kind] = _names_of_merely_stored_fields(kind)
         if names:
             stored = vars(instance)
             values = {name: stored[name] for name in names}
@@ -55,16 +55,16 @@ _COPIED_ATTRIBUTES = ("__repr__", "__eq__", "__hash__", "__match_args__", "__rep
 """Methods and attributes that are taken from the compiled class; `__init__` comes last, so that threads see all."""
 _COMPILING_ATTRIBUTES = ("__dataclass_params__", "__match_args__", "__signature__")
 """Class attributes whose first use compiles the class."""
-_HAS_REPLACE = sys.version_info >= (3, 13)
+_DATACLASSES_HAVE_REPLACE = sys.version_info >= (3, 13)
 """Whether data classes have a `__replace__`, for `copy.replace` (Python 3.13)."""
 _ANNOTATIONS_ARE_LAZY = sys.version_info >= (3, 14)
 """Whether a class's body holds no annotations, but a function that makes them (PEP 649, Python 3.14)."""
-_CLASS_VARIABLE = re.compile(r"(\w+\.)*ClassVar\b")
+_CLASS_VARIABLE_ANNOTATIONS = re.compile(r"(\w+\.)*ClassVar\b")
 """The annotations of what is no field."""
 _lock = threading.RLock()
-_MISSING: Any = object()
+_NO_DEFAULT: Any = object()
 """Marks a field without a default."""
-_COPIED_FIELDS: dict[type, tuple[str, ...]] = {}
+_MERELY_STORED_FIELDS_BY_CLASS: dict[type, tuple[str, ...]] = {}
 """Data class -> the names of its fields, where `replace` can copy these alone; else nothing."""
 _PlainField = tuple[str, Any, Any, bool]
 """Name, default, default factory, and whether the field is an argument by keyword alone."""
@@ -87,18 +87,18 @@ def _can_defer_methods(owner: type, *, frozen: bool) -> bool:
     for base in owner.__mro__[1:-1]:
         if base.__module__ != "typing" and "__init_subclass__" in vars(base):
             return False
-        parent = _DEFERRED.get(base)
+        parent = _DEFERRED_BY_CLASS.get(base)
         if "__dataclass_fields__" in vars(base) and (parent is None or parent.is_frozen is not frozen):
             return False
     has_default = False
     for name, annotation in body.get("__annotations__", {}).items():
-        default = body.get(name, _MISSING)
-        if isinstance(annotation, str) and _CLASS_VARIABLE.match(annotation):
+        default = body.get(name, _NO_DEFAULT)
+        if isinstance(annotation, str) and _CLASS_VARIABLE_ANNOTATIONS.match(annotation):
             continue
-        if default is _MISSING and has_default:
+        if default is _NO_DEFAULT and has_default:
             return False
-        has_default |= default is not _MISSING
-        if default is not _MISSING and (type(default).__hash__ is None or hasattr(type(default), "__set__")):
+        has_default |= default is not _NO_DEFAULT
+        if default is not _NO_DEFAULT and (type(default).__hash__ is None or hasattr(type(default), "__set__")):
             return False
     return True
 
@@ -140,7 +140,7 @@ class _Deferred:
         self._fields: tuple[_PlainField, ...] | None = None
         self._stand_ins: dict[str, object] = {}
         self._is_compiled = False
-        _DEFERRED[owner] = self
+        _DEFERRED_BY_CLASS[owner] = self
         for name, value in self.body.items():
             if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
                 if _is_default_stated(value.default):
@@ -158,7 +158,7 @@ class _Deferred:
         own, is_frozen = self.body, self.is_frozen
         methods = {"__init__": _make_init(self), "__repr__": _make_compiling_method(self, "__repr__")}
         methods["__eq__"] = _make_compiling_method(self, "__eq__")
-        if _HAS_REPLACE:
+        if _DATACLASSES_HAVE_REPLACE:
             methods["__replace__"] = _make_compiling_method(self, "__replace__")
         if is_frozen and own.get("__hash__") is None and ("__hash__" not in own or "__eq__" in own):
             methods["__hash__"] = _make_compiling_method(self, "__hash__")
@@ -194,9 +194,9 @@ class _Deferred:
             self._is_compiled = True
             type.__delattr__(owner, "__signature__")
             for name in ("__dataclass_fields__", "__dataclass_params__", *_COPIED_ATTRIBUTES):
-                current_method = vars(owner).get(name, _MISSING)
+                current_method = vars(owner).get(name, _NO_DEFAULT)
                 if name in found and (
-                    current_method is _MISSING or current_method is self._stand_ins.get(name, _MISSING)
+                    current_method is _NO_DEFAULT or current_method is self._stand_ins.get(name, _NO_DEFAULT)
                 ):
                     setattr(owner, name, found[name])
 
@@ -227,7 +227,7 @@ class _Deferred:
         if self._fields is None:
             fields: dict[str, _PlainField] = {}
             for base in reversed(self.owner.__mro__):
-                deferred = _DEFERRED.get(base)
+                deferred = _DEFERRED_BY_CLASS.get(base)
                 own = () if deferred is None else deferred._fields_without_bases()
                 if own is None or (deferred is None and "__dataclass_fields__" in vars(base)):
                     return None
@@ -245,22 +245,22 @@ class _Deferred:
         for name, annotation in self._annotations_without_bases().items():
             if not isinstance(annotation, str) or "InitVar" in annotation or "KW_ONLY" in annotation:
                 return None
-            if _CLASS_VARIABLE.match(annotation):
+            if _CLASS_VARIABLE_ANNOTATIONS.match(annotation):
                 continue
             value: Any = self.body.get(name)
             if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
                 if not value.init:
                     return None
                 default, factory = (
-                    each if _is_default_stated(each) else _MISSING for each in (value.default, value.default_factory)
+                    each if _is_default_stated(each) else _NO_DEFAULT for each in (value.default, value.default_factory)
                 )
                 found.append((name, default, factory, is_keyword or value.kw_only is True))
             else:
-                found.append((name, getattr(self.owner, name, _MISSING), _MISSING, is_keyword))
+                found.append((name, getattr(self.owner, name, _NO_DEFAULT), _NO_DEFAULT, is_keyword))
         return found
 
 
-_DEFERRED: dict[type, _Deferred] = {}
+_DEFERRED_BY_CLASS: dict[type, _Deferred] = {}
 """Each class of this decorator -> how its methods are made."""
 
 
@@ -271,7 +271,7 @@ def _is_default_stated(value: object) -> bool:
 
 def _names_of_merely_stored_fields(kind: type) -> tuple[str, ...]:
     """Return the names of the fields of a class whose constructor does nothing but store them; else nothing."""
-    deferred = _DEFERRED.get(kind)
+    deferred = _DEFERRED_BY_CLASS.get(kind)
     defined_names = {name for base in kind.__mro__ for name in _class_body_without_added_methods(base)}
     if deferred is None or {"__init__", "__new__", "__post_init__"} & defined_names:
         return ()
@@ -280,7 +280,7 @@ def _names_of_merely_stored_fields(kind: type) -> tuple[str, ...]:
 
 def _class_body_without_added_methods(kind: type) -> Mapping[str, Any]:
     """Return what the body of a class says: of a data class without the methods that the decorator adds."""
-    deferred = _DEFERRED.get(kind)
+    deferred = _DEFERRED_BY_CLASS.get(kind)
     return {} if kind is object else vars(kind) if deferred is None else deferred.body
 
 
@@ -322,9 +322,9 @@ def _field_values_or_none_if_misfit(
         elif name in kwargs:
             values[name] = kwargs[name]
             n_named += 1
-        elif factory is not _MISSING:
+        elif factory is not _NO_DEFAULT:
             values[name] = factory()
-        elif default is not _MISSING:
+        elif default is not _NO_DEFAULT:
             values[name] = default
         else:
             return None

@@ -31,7 +31,7 @@ ERROR_TEXT_BY_ERRNO = {
 }
 """Error number of the operating system -> the words for it in messages."""
 
-KERNEL_COPY_UNSUPPORTED = (errno.EXDEV, errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EPERM)
+KERNEL_COPY_REFUSAL_ERRNOS = (errno.EXDEV, errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EPERM)
 """Error numbers with which the kernel refuses to copy between files; the data is then copied through memory."""
 
 Bytes = bytes | bytearray | memoryview
@@ -127,7 +127,7 @@ class OutputStream:
                 self._report_written_bytes_to_sync(n)
                 return n
             except OSError as error:
-                if error.errno not in KERNEL_COPY_UNSUPPORTED:
+                if error.errno not in KERNEL_COPY_REFUSAL_ERRNOS:
                     raise OutputError(os_error_text(error), where=self.name) from error
                 self._copies_in_kernel = False
         try:

@@ -22,9 +22,9 @@ def escape_control_characters(text: str) -> str:
     )
 
 
-def shorten_and_escape(text: str, most: int = 1000) -> str:
-    """Escape a text like `escape_control_characters`, cut after `most` characters; a log may hold huge names."""
-    return escape_control_characters(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
+def shorten_and_escape(text: str, limit: int = 1000) -> str:
+    """Escape a text like `escape_control_characters`, cut after `limit` characters; a log may hold huge names."""
+    return escape_control_characters(text if len(text) <= limit else f"{text[:limit]}... ({len(text):,} characters)")
 
 
 def format_first_names(names: Sequence[str], most: int = 3) -> str:

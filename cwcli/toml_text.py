@@ -14,9 +14,9 @@ MAX_TOML_FILE_CHARS = 4_000_000
 """Greatest number of characters of a TOML file; a calibration of a thousand sensors has a tenth of it."""
 MAX_KEY_PARTS = 64
 """Greatest number of parts of a dotted key; chosen by hand."""
-_PART = r"""(?:(?<![A-Za-z0-9_-])[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""  # possessive: no second try
+_KEY_PART_PATTERN = r"""(?:(?<![A-Za-z0-9_-])[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""  # possessive: no second try
 """Pattern of one part of a dotted key, bare or in quotation marks."""
-_LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MAX_KEY_PARTS}}}")
+_LONG_KEY_PATTERN = re.compile(rf"{_KEY_PART_PATTERN}(?:[ \t]*+\.[ \t]*+{_KEY_PART_PATTERN}){{{MAX_KEY_PARTS}}}")
 """Pattern of a dotted key with more than `MAX_KEY_PARTS` parts."""
 
 
@@ -29,6 +29,6 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     if len(text) > MAX_TOML_FILE_CHARS:
         raise ValueError(f"it has more than {MAX_TOML_FILE_CHARS:,} characters")
-    if any(line.count(".") >= MAX_KEY_PARTS and _LONG_KEY.search(line) for line in text.splitlines()):
+    if any(line.count(".") >= MAX_KEY_PARTS and _LONG_KEY_PATTERN.search(line) for line in text.splitlines()):
         raise ValueError(f"a key has more than {MAX_KEY_PARTS} parts")
     return tomllib.loads(text)

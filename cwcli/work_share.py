@@ -29,7 +29,7 @@ class _Part:
         return self.first + (self.last - self.first) * min(max(share, 0.0), 1.0)
 
 
-_CURRENT: ContextVar[_Part | None] = ContextVar("part", default=None)
+_CURRENT_PART_OF_WORK: ContextVar[_Part | None] = ContextVar("part", default=None)
 
 
 @contextmanager
@@ -43,11 +43,11 @@ def report_work_share_to(show: Callable[[float], None]) -> Iterator[None]:
             most = share
             show(share)
 
-    token = _CURRENT.set(_Part(show_if_more, 0.0, 1.0, "", 1.0))
+    token = _CURRENT_PART_OF_WORK.set(_Part(show_if_more, 0.0, 1.0, "", 1.0))
     try:
         yield
     finally:
-        _CURRENT.reset(token)
+        _CURRENT_PART_OF_WORK.reset(token)
 
 
 @contextmanager
@@ -59,29 +59,29 @@ def part_of_work(first: float, last: float, unit: str = "", expected: float = 1.
         unit: What the loop in it reports; "": it has parts of its own, or nothing to report.
         expected: See `count_work`.
     """
-    outer = _CURRENT.get()
+    outer = _CURRENT_PART_OF_WORK.get()
     if outer is None:
         yield
         return
     part = _Part(outer.show, outer.share_of_whole(first), outer.share_of_whole(last), unit, expected)
-    token = _CURRENT.set(part)
+    token = _CURRENT_PART_OF_WORK.set(part)
     try:
         yield
     finally:
-        _CURRENT.reset(token)
+        _CURRENT_PART_OF_WORK.reset(token)
     part.show(part.last)
 
 
 def report_work(unit: str, done: float, total: float) -> None:
     """Report the units that are done, of how many."""
-    part = _CURRENT.get()
+    part = _CURRENT_PART_OF_WORK.get()
     if part is not None and part.unit == unit and total > 0:
         part.show(part.share_of_whole(done / total))
 
 
 def count_work(unit: str) -> None:
     """Report one more unit, of as many as the part expects."""
-    part = _CURRENT.get()
+    part = _CURRENT_PART_OF_WORK.get()
     if part is not None and part.unit == unit:
         part.done += 1.0
         part.show(part.share_of_whole(part.done / part.expected))

@@ -228,7 +228,7 @@ def signals_page(text: str) -> str:
 
 def digest_page(text: str) -> str:
     """docs/digest.md with its table of doubts as it is now."""
-    from cwcli.evaluation.doubts import DOUBTS
+    from cwcli.evaluation.doubts import DOUBT_RULES
 
     rows = [
         (
@@ -238,7 +238,7 @@ def digest_page(text: str) -> str:
             rule.source,
             rule.advice,
         )
-        for name, rule in DOUBTS.items()
+        for name, rule in DOUBT_RULES.items()
     ]
     table = format_markdown_table(("doubt", "what", "threshold", "where it is from", "what to do"), rows)
     return replace_marked_block(text, "doubts", table)

@@ -23,7 +23,7 @@ USE_BY_ROLELESS_SCHEMA = {
     "diagnostic_msgs/DiagnosticArray": "`cwcli evaluate --topic warning=` judges what a system warned of",
 }
 """Schema that no role takes -> what cwcli uses it for."""
-AMBIGUOUS_TYPES = frozenset(
+SCHEMAS_BOUND_ONLY_IF_NAMED = frozenset(
     {"std_msgs/Float32", "std_msgs/Float64", "geometry_msgs/Twist", "geometry_msgs/TwistWithCovariance"}
 )
 """Types that fill a role only where the user names them, because they may hold anything."""
@@ -115,7 +115,7 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
     name = normalise_schema_name(channel.schema_name)
     if not inputs_of_schema(channel.schema_name):
         return _explain_unknown_type(channel, name)
-    if name in AMBIGUOUS_TYPES:
+    if name in SCHEMAS_BOUND_ONLY_IF_NAMED:
         return _explain_ambiguous_type_by_topic_words(channel.topic, name)
     texts: list[str] = []
     tries: list[str] = []

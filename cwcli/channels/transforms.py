@@ -30,7 +30,7 @@ class TransformCount(NamedTuple):
 
 
 def read_lever_arms_transform_counts_and_notes(
-    log: Log, topics: Sequence[str], given: LeverArms
+    log: Log, topics: Sequence[str], lever_arms_of_user: LeverArms
 ) -> tuple[LeverArms, tuple[TransformCount, ...], tuple[str, ...]]:
     """Read the lever arms of the ego's sensors by topic, message counts of the transforms, and notes.
 
@@ -39,22 +39,22 @@ def read_lever_arms_transform_counts_and_notes(
 
     Args:
         topics: Topics of the ego's sensors.
-        given: Lever arms of the user, which take precedence over transforms.
+        lever_arms_of_user: Lever arms of the user, which take precedence over transforms.
 
     Raises:
         UsageError: A given topic is none of the ego's sensors.
     """
-    for name in given:
+    for name in lever_arms_of_user:
         if name not in topics:
             hint = f"these are {', '.join(topics)}"
             raise UsageError(f"--lever-arm {name}: no sensor of the ego", where=log.name, hint=hint)
-    open_topics = [topic for topic in topics if topic not in given]
+    open_topics = [topic for topic in topics if topic not in lever_arms_of_user]
     channels = sorted({c.topic for c in log.transform_channels()}, key=lambda name: ("static" not in name, name))
     if not channels or not open_topics:
-        return given, (), ()
+        return lever_arms_of_user, (), ()
     tree: dict[str, Transform] = {}
     counts = tuple(add_transforms_of_topic_to_tree(log, topic, tree) for topic in channels)
-    found, notes = dict(given), []
+    found, notes = dict(lever_arms_of_user), []
     for topic, frame in _frame_id_of_first_message_by_topic(log, open_topics).items():
         carried = find_carrying_body_frame_and_transform(tree, frame)
         if carried is None:

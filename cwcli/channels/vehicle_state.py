@@ -37,7 +37,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES, StateFlag
 
 UInt8Array = npt.NDArray[np.uint8]
-FLAG_OF_FIELD: dict[str, StateFlag] = {str(flag.name).lower(): flag for flag in StateFlag}
+FLAG_BY_FIELD: dict[str, StateFlag] = {str(flag.name).lower(): flag for flag in StateFlag}
 """Field of the message -> the flag that it holds."""
 
 STATE_FRACTION_BITS = (11, 11, 11, 16, 11, 16, 11, 16)
@@ -52,7 +52,7 @@ MAX_STATE_GAP_OF_DRIVEN_DISTANCE_S = 1.0
 """Longest gap between states whose distance counts as driven, s. Chosen by hand; not fitted."""
 KINEMATIC_FIELDS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
 """Fields of the states without their covariances, which are most of a channel's bytes."""
-FLAGGED_KINEMATIC_FIELDS = (*KINEMATIC_FIELDS, *FLAG_OF_FIELD)
+FLAGGED_KINEMATIC_FIELDS = (*KINEMATIC_FIELDS, *FLAG_BY_FIELD)
 """The same, with the flags."""
 
 
@@ -157,7 +157,7 @@ def make_vehicle_state_channel(
         "correlation": covariance.correlation,
         "length_m": states.length_m,
         "width_m": states.width_m,
-        **{name: (states.flags & flag) > 0 for name, flag in FLAG_OF_FIELD.items()},
+        **{name: (states.flags & flag) > 0 for name, flag in FLAG_BY_FIELD.items()},
     }
     return make_output_channel(channel, states.log_time_ns, fields)
 
@@ -226,7 +226,7 @@ def _read_full_or_packed_covariances(columns: Columns) -> Covariances:
 def _read_flags(columns: Columns) -> UInt8Array:
     """Read the flags of each state; fields that an older version did not write count as unset."""
     flags = np.zeros(len(columns), np.uint8)
-    for name, flag in FLAG_OF_FIELD.items():
+    for name, flag in FLAG_BY_FIELD.items():
         flags[read_numbers(columns, name) > 0.0] |= np.uint8(flag)
     return flags
 

@@ -77,7 +77,7 @@ def print_comparison(console: Console, compared: ComparedRuns, *, everything: bo
         f"{compared.before.source} -> {compared.after.source}: {format_count(comparison.n_pairs, 'log')} in both"
     )
     rows: list[tuple[Cell, ...]] = [
-        (change.verdict.value, change.metric, change.baseline, change.candidate, *_change_cells(change))
+        (change.verdict.value, change.metric, change.baseline, change.candidate, *_metric_change_cells(change))
         for change in _changes_with_verdict_or_all(comparison, everything=everything)
     ]
     console.print_summary(
@@ -119,7 +119,7 @@ def _drop_empty_columns(
     return [columns[k] for k in filled_columns], [tuple(row[k] for k in filled_columns) for row in rows]
 
 
-def _change_cells(change: MetricChange) -> tuple[Cell, ...]:
+def _metric_change_cells(change: MetricChange) -> tuple[Cell, ...]:
     """Format the cells of change, interval and number of logs."""
     if not math.isfinite(change.change):
         return "", "", change.n_pairs
@@ -289,7 +289,7 @@ def _format_markdown_table_of_changes(changes: Sequence[MetricChange]) -> str:
             markdown.format_code(change.metric),
             format_number(change.baseline),
             format_number(change.candidate),
-            *_change_cells(change),
+            *_metric_change_cells(change),
         )
         for change in changes
     ]

@@ -73,10 +73,10 @@ def unused_channel_rows(channels: list[Document]) -> list[tuple[Cell, ...]]:
     return [(join_first_names_and_count_rest(names, MAX_NAMED_TOPICS), reason) for reason, names in topics.items()]
 
 
-def join_first_names_and_count_rest(names: list[str], most: int) -> str:
+def join_first_names_and_count_rest(names: list[str], max_names: int) -> str:
     """Join the first names to a text, with the number of the others."""
-    more = len(names) - most
-    return join_names([*names[:most], *([f"{more:,} more"] if more > 0 else [])])
+    more = len(names) - max_names
+    return join_names([*names[:max_names], *([f"{more:,} more"] if more > 0 else [])])
 
 
 def format_utc_time(time_ns: int) -> str:

@@ -45,16 +45,18 @@ def describe_differences(messages: RunDifference) -> list[str]:
 
 def describe_difference_of_log(found: LogDifference) -> list[str]:
     """The lines about one log: the settings, the first channel, the warnings, the other channels."""
-    lines = _first_lines([f"changed: {_describe_setting(each)}" for each in found.settings])
+    lines = _first_lines_and_count_of_rest([f"changed: {_describe_setting(each)}" for each in found.settings])
     if found.channels:
         lines.append(f"first difference: {_describe_channel(found.channels[0], found)}")
     elif found.settings:
         lines.append("no message differs")
-    lines += _first_lines([_describe_warning(each, found) for each in found.warnings])
-    return lines + _first_lines([f"then: {_describe_channel(each, found)}" for each in found.channels[1:]])
+    lines += _first_lines_and_count_of_rest([_describe_warning(each, found) for each in found.warnings])
+    return lines + _first_lines_and_count_of_rest(
+        [f"then: {_describe_channel(each, found)}" for each in found.channels[1:]]
+    )
 
 
-def _first_lines(lines: list[str]) -> list[str]:
+def _first_lines_and_count_of_rest(lines: list[str]) -> list[str]:
     """The first lines, and how many more there are."""
     rest = len(lines) - MAX_LISTED_ENTRIES_PER_KIND
     return [*lines[:MAX_LISTED_ENTRIES_PER_KIND], *([f"and {rest} more (--json lists them)"] if rest > 0 else [])]

@@ -15,7 +15,7 @@ from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.options.configfile import find_config_file
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import find_declaration_in_type_hint
-from cwcli.cli.options.plain_coercion import LEFT_TO_TYPER, coerce_plain_value, is_infinite, is_within_bounds
+from cwcli.cli.options.plain_coercion import LEFT_TO_TYPER, coerce_plain_value, is_non_finite, is_within_bounds
 
 
 def run_plain_command(arguments: Sequence[str]) -> int | None:
@@ -131,7 +131,7 @@ def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
     limits = declaration.settings_or_empty_if_deferred
     if (
         value is LEFT_TO_TYPER
-        or is_infinite(value)
+        or is_non_finite(value)
         or not is_within_bounds(value, limits.get("min"), limits.get("max"))
     ):
         return LEFT_TO_TYPER

@@ -77,13 +77,13 @@ class RepetitionCache:
         """The repetition of a key; None where it was not run."""
         return self._lines.get(key)
 
-    def add_repetitions(self, found: Iterable[tuple[str, Repetition]]) -> None:
+    def add_repetitions(self, keys_and_repetitions: Iterable[tuple[str, Repetition]]) -> None:
         """Keep repetitions.
 
         Raises:
             UsageError: The file can't be written.
         """
-        pairs = list(found)
+        pairs = list(keys_and_repetitions)
         self._lines.update(pairs)
         lines = "".join(
             json.dumps({"key": key, "label": each.label, "verdict": asdict(each.verdict)}) + "\n"

@@ -71,7 +71,7 @@ LARGEST_TOLERANCE_AND_UNIT = {
 Chosen by hand: several times the published ones; beyond them any drive would be a valid trial."""
 POSITIVE_GIVEN_NUMBERS = ("host_speed", "gap", "deceleration", "ramp_time", "approach_time", "lane_change_time")
 """Names of what a trial can be given that can't be 0."""
-BASIS_WORDS = {
+TEXT_BY_BASIS = {
     "read": "as published",
     "memory": "as commonly stated, not checked",
     "own": "chosen here",
@@ -113,7 +113,7 @@ class PublishedNumber:
         values: As printed, in `unit`.
         unit: A key of `SI_PER_UNIT`.
         source, page: Where it is printed; the page or section, "" where the notes have none.
-        basis: A key of `BASIS_WORDS`.
+        basis: A key of `TEXT_BY_BASIS`.
         ttc: A key of `MEANING_BY_TTC_DEFINITION`: how the source defines the time to collision that the number is.
     """
 
@@ -360,8 +360,8 @@ def _parse_number(name: str, table: Any, where: str, place: str = "numbers") -> 
     _check_keys(table, NUMBER_KEYS, {"value", "unit", "source", "basis"}, path, where)
     if not _is_one_of(table["unit"], SI_PER_UNIT):
         raise UsageError(f"{path}.unit is {table['unit']!r}", where=where, hint=f"one of: {', '.join(SI_PER_UNIT)}")
-    if not _is_one_of(table["basis"], BASIS_WORDS):
-        raise UsageError(f"{path}.basis is {table['basis']!r}", where=where, hint=f"one of: {', '.join(BASIS_WORDS)}")
+    if not _is_one_of(table["basis"], TEXT_BY_BASIS):
+        raise UsageError(f"{path}.basis is {table['basis']!r}", where=where, hint=f"one of: {', '.join(TEXT_BY_BASIS)}")
     if not _is_one_of(table.get("ttc", ""), MEANING_BY_TTC_DEFINITION):
         raise UsageError(
             f"{path}.ttc is {table['ttc']!r}", where=where, hint=f"one of: {', '.join(MEANING_BY_TTC_DEFINITION)}"

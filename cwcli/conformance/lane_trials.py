@@ -79,13 +79,13 @@ class LaneTrial:
     seed: int
 
 
-def simulate_lane_trial(given: Mapping[str, float], seed: int) -> LaneTrial:
+def simulate_lane_trial(trial_numbers: Mapping[str, float], seed: int) -> LaneTrial:
     """Simulate a drive that drifts at `drift_rate` (left positive, 0: not at all) at `host_speed`, m/s.
 
     `radius` (m, left positive) bends the road; without it the road is straight.
     """
-    speed, rate = given["host_speed"], given["drift_rate"]
-    radius_m = given.get("radius")
+    speed, rate = trial_numbers["host_speed"], trial_numbers["drift_rate"]
+    radius_m = trial_numbers.get("radius")
     bend = 0.0 if radius_m is None else 1.0 / radius_m
     road = Road() if radius_m is None else Road(np.array([0.0, 50.0, 150.0]), np.array([0.0, 0.0, bend]))
     car = load_vehicle()

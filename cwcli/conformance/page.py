@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
-from cwcli.conformance.clause import BASIS_WORDS, MEANING_BY_TTC_DEFINITION, Clause
+from cwcli.conformance.clause import MEANING_BY_TTC_DEFINITION, TEXT_BY_BASIS, Clause
 from cwcli.conformance.digest import NUMBERS_AS_PUBLISHED_TEXT
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
@@ -61,7 +61,7 @@ def published_numbers_table(clause: Clause) -> SummaryTable:
         (
             name,
             number.text,
-            BASIS_WORDS[number.basis],
+            TEXT_BY_BASIS[number.basis],
             number.source,
             number.page,
             MEANING_BY_TTC_DEFINITION[number.ttc] if number.ttc else "",

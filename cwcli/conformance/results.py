@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from cwcli.conformance.clause import BASIS_WORDS, Clause, PublishedNumber, Trial
+from cwcli.conformance.clause import TEXT_BY_BASIS, Clause, PublishedNumber, Trial
 from cwcli.conformance.verdict import Verdict
 from cwcli.lazy_dataclass import dataclass
 
@@ -179,7 +179,7 @@ def _number_document(number: PublishedNumber) -> dict[str, Any]:
         "unit": number.unit,
         "source": number.source,
         "page": number.page,
-        "basis": BASIS_WORDS[number.basis],
+        "basis": TEXT_BY_BASIS[number.basis],
         "ttc": number.ttc,
     }
 

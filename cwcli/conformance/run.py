@@ -146,13 +146,13 @@ def run_clauses_with_rules(
 
 
 def _missing_runs(
-    known: Mapping[tuple[str, str, int], Mapping[int, Repetition]],
+    known_repetitions: Mapping[tuple[str, str, int], Mapping[int, Repetition]],
     task: tuple[str, int],
     seeds: Sequence[int],
     rules: Sequence[str],
 ) -> MissingRuns:
     """The seeds of a trial that some rule lacks, and the rules that lack one."""
-    lacking = {rule: [seed for seed in seeds if seed not in known[rule, *task]] for rule in rules}
+    lacking = {rule: [seed for seed in seeds if seed not in known_repetitions[rule, *task]] for rule in rules}
     missing = {seed for of_rule in lacking.values() for seed in of_rule}
     return [seed for seed in seeds if seed in missing], [rule for rule in rules if lacking[rule]]
 
@@ -258,7 +258,7 @@ def run_trial_with_rules(
     policy = config.policy or clause.policy
     judged_rules = (trial.rule,) if trial.rule else tuple(rules)
     found: dict[str, list[Repetition]] = {rule: [] for rule in judged_rules}
-    drives = _warned_drives(trial, seeds, config, judged_rules, config.grade or clause.grade, warner)
+    drives = _motions_and_warnings(trial, seeds, config, judged_rules, config.grade or clause.grade, warner)
     for seed, (motion, warnings) in zip(seeds, drives, strict=True):
         for rule in judged_rules:
             driven = DrivenTrial(motion, warnings[rule], trial.demands, policy)
@@ -266,7 +266,7 @@ def run_trial_with_rules(
     return {rule: tuple(found[trial.rule or rule]) for rule in rules}
 
 
-def _warned_drives(
+def _motions_and_warnings(
     trial: Trial, seeds: Sequence[int], config: ConformConfig, rules: Sequence[str], grade: str, warner: Warner | None
 ) -> Iterator[tuple[JudgedMotion, dict[str, tuple[RaisedWarning, ...]]]]:
     """The motion of a trial with each seed, and its warnings by rule; the rule in a lane is that of lane departure."""

@@ -94,49 +94,49 @@ def _impossible_scene_error(text: str) -> UsageError:
     return UsageError(f"an impossible trial: {text}", hint="check the speeds, the gap and the decelerations")
 
 
-def build_approach(given: Mapping[str, float]) -> BuiltScene:
+def build_approach(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host closes in on a vehicle ahead that stands or drives at constant speed.
 
     The time to collision at the start is `approach_time`, so the gap is the closing speed times that.
     """
-    host, other = given["host_speed"], given.get("other_speed", 0.0)
+    host, other = trial_numbers["host_speed"], trial_numbers.get("other_speed", 0.0)
     if not host > other:
         raise _impossible_scene_error(f"the host ({host:.2f} m/s) does not close in on the other ({other:.2f} m/s)")
-    approach_s = given.get("approach_time", APPROACH_START_TTC_S)
-    length_m = given.get("other_length", CAR_LENGTH_AND_WIDTH_M[0])
+    approach_s = trial_numbers.get("approach_time", APPROACH_START_TTC_S)
+    length_m = trial_numbers.get("other_length", CAR_LENGTH_AND_WIDTH_M[0])
     gap_m = (host - other) * approach_s
     vehicles: dict[str, dict[str, Any]] = {
         HOST_NAME: {"speed_mps": host},
         PRINCIPAL_OTHER_VEHICLE_NAME: {
             "speed_mps": other,
             "x_m": _centre_distance_m(gap_m, length_m),
-            "y_m": given.get("lateral_offset", 0.0),
+            "y_m": trial_numbers.get("lateral_offset", 0.0),
             "length_m": length_m,
-            "width_m": given.get("other_width", CAR_LENGTH_AND_WIDTH_M[1]),
+            "width_m": trial_numbers.get("other_width", CAR_LENGTH_AND_WIDTH_M[1]),
         },
     }
     return BuiltScene(_document_of_vehicles(approach_s + SCENE_TIME_AFTER_CONTACT_S, **vehicles), 0.0)
 
 
-def build_radar_return(given: Mapping[str, float]) -> BuiltScene:
+def build_radar_return(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host's radar detects what stands in its lane and sends no messages; a radar does not measure height.
 
     What it is, a car, a plate on the road or a bridge, is up to the judge: the returns are the same.
     """
-    built = build_approach(given)
+    built = build_approach(trial_numbers)
     vehicles = {name: dict(table) for name, table in built.document["vehicles"].items()}
     vehicles[PRINCIPAL_OTHER_VEHICLE_NAME]["v2x"] = False
     return BuiltScene({**built.document, "vehicles": vehicles}, built.event_s, has_radar=True)
 
 
-def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
+def build_braking_lead(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host follows at a constant gap and speed; the lead brakes, and the host does not react."""
-    speed, gap_m, deceleration = given["host_speed"], given["gap"], given["deceleration"]
+    speed, gap_m, deceleration = trial_numbers["host_speed"], trial_numbers["gap"], trial_numbers["deceleration"]
     if deceleration <= 0.0 or gap_m <= 0.0:
         raise _impossible_scene_error(
             f"a gap of {gap_m:g} m and a deceleration of {deceleration:g} m/s^2 must be positive"
         )
-    ramp_s = given.get("ramp_time", DEFAULT_DECELERATION_BUILD_UP_TIME_S)
+    ramp_s = trial_numbers.get("ramp_time", DEFAULT_DECELERATION_BUILD_UP_TIME_S)
     # contact: the sum of the gap and the lead's way is the host's way; the ramp delays the braking by half of itself
     until_s = 0.5 * ramp_s + math.sqrt(2.0 * gap_m / deceleration)
     stop_s = 0.5 * ramp_s + speed / deceleration
@@ -159,12 +159,12 @@ def build_braking_lead(given: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_TIME_BEFORE_EVENT_S)
 
 
-def build_convoy(given: Mapping[str, float]) -> BuiltScene:
+def build_convoy(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host follows two vehicles; the first brakes hard, the second a reaction time later."""
-    built = build_braking_lead(given)
-    speed, gap_m, deceleration = given["host_speed"], given["gap"], given["deceleration"]
-    reaction_s = given.get("reaction_time", 1.0)
-    jerk = deceleration / given.get("ramp_time", DEFAULT_DECELERATION_BUILD_UP_TIME_S)
+    built = build_braking_lead(trial_numbers)
+    speed, gap_m, deceleration = trial_numbers["host_speed"], trial_numbers["gap"], trial_numbers["deceleration"]
+    reaction_s = trial_numbers.get("reaction_time", 1.0)
+    jerk = deceleration / trial_numbers.get("ramp_time", DEFAULT_DECELERATION_BUILD_UP_TIME_S)
     vehicles = {name: dict(table) for name, table in built.document["vehicles"].items()}
     first = {**vehicles[PRINCIPAL_OTHER_VEHICLE_NAME], "x_m": 2.0 * vehicles[PRINCIPAL_OTHER_VEHICLE_NAME]["x_m"]}
     vehicles["first"] = first
@@ -211,18 +211,18 @@ def lane_change_segments(speed_mps: float, offset_m: float, start_s: float, dura
     ]
 
 
-def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
+def build_cut_in(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """A slower vehicle changes from the left lane into the host's.
 
     In the middle of the lane change, when its centre is half a lane beside the host's, the time to collision at
     constant velocities is `ttc_at_cut_in`.
     """
-    host, other, ttc_s = given["host_speed"], given["other_speed"], given["ttc_at_cut_in"]
+    host, other, ttc_s = trial_numbers["host_speed"], trial_numbers["other_speed"], trial_numbers["ttc_at_cut_in"]
     if not host > other > 0.0:
         raise _impossible_scene_error(
             f"the host ({host:.2f} m/s) must be faster than the one that cuts in ({other:.2f} m/s)"
         )
-    duration_s = given.get("lane_change_time", DEFAULT_LANE_CHANGE_DURATION_S)
+    duration_s = trial_numbers.get("lane_change_time", DEFAULT_LANE_CHANGE_DURATION_S)
     start_s = STEADY_TIME_BEFORE_EVENT_S
     middle_s = start_s + 0.5 * duration_s
     gap_m = (host - other) * (ttc_s + middle_s)
@@ -237,18 +237,18 @@ def build_cut_in(given: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), start_s)
 
 
-def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
+def build_cut_out(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The lead leaves the lane late and reveals a vehicle that stands there.
 
     When the lane change begins the host is `reveal_ttc` from the standing vehicle; the lead drives `gap` ahead.
     """
-    speed, gap_m, reveal_s = given["host_speed"], given["gap"], given["reveal_ttc"]
+    speed, gap_m, reveal_s = trial_numbers["host_speed"], trial_numbers["gap"], trial_numbers["reveal_ttc"]
     lead_m = _centre_distance_m(gap_m)
     if lead_m + CAR_LENGTH_AND_WIDTH_M[0] >= speed * reveal_s:
         raise _impossible_scene_error(
             f"the lead, {gap_m:g} m ahead, is beyond the standing vehicle when it leaves the lane"
         )
-    duration_s = given.get("lane_change_time", 1.5)
+    duration_s = trial_numbers.get("lane_change_time", 1.5)
     lead = {
         "speed_mps": speed,
         "x_m": lead_m,
@@ -266,22 +266,22 @@ def build_cut_out(given: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
 
 
-def build_crossing(given: Mapping[str, float]) -> BuiltScene:
+def build_crossing(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """A vehicle, a cyclist or a pedestrian crosses from the right at a right angle and is hit in the middle.
 
     The centres would meet `approach_time` after the start.
     """
-    host, other = given["host_speed"], given["other_speed"]
+    host, other = trial_numbers["host_speed"], trial_numbers["other_speed"]
     if not (host > 0.0 and other > 0.0):
         raise _impossible_scene_error("both must move")
-    meet_s = given.get("approach_time", APPROACH_START_TTC_S)
+    meet_s = trial_numbers.get("approach_time", APPROACH_START_TTC_S)
     crosser = {
         "speed_mps": other,
         "heading_deg": 90.0,
         "x_m": host * meet_s,
         "y_m": -other * meet_s,
-        "length_m": given.get("other_length", CAR_LENGTH_AND_WIDTH_M[0]),
-        "width_m": given.get("other_width", CAR_LENGTH_AND_WIDTH_M[1]),
+        "length_m": trial_numbers.get("other_length", CAR_LENGTH_AND_WIDTH_M[0]),
+        "width_m": trial_numbers.get("other_width", CAR_LENGTH_AND_WIDTH_M[1]),
         "turning_radius_m": 1.0,
     }
     document = _document_of_vehicles(
@@ -290,15 +290,15 @@ def build_crossing(given: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(document, 0.0)
 
 
-def build_oncoming(given: Mapping[str, float]) -> BuiltScene:
+def build_oncoming(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """A vehicle comes towards the host; `lateral_offset` 0 is head on, a lane's width is a pass."""
-    host, other = given["host_speed"], given["other_speed"]
-    approach_s = given.get("approach_time", APPROACH_START_TTC_S)
+    host, other = trial_numbers["host_speed"], trial_numbers["other_speed"]
+    approach_s = trial_numbers.get("approach_time", APPROACH_START_TTC_S)
     oncoming = {
         "speed_mps": other,
         "heading_deg": 180.0,
         "x_m": _centre_distance_m((host + other) * approach_s),
-        "y_m": given.get("lateral_offset", 0.0),
+        "y_m": trial_numbers.get("lateral_offset", 0.0),
     }
     document = _document_of_vehicles(
         approach_s + SCENE_TIME_AFTER_CONTACT_S,
@@ -307,7 +307,7 @@ def build_oncoming(given: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(document, 0.0)
 
 
-def build_turn_across(given: Mapping[str, float]) -> BuiltScene:
+def build_turn_across(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host turns left across the path of an oncoming vehicle, whose centre it would meet.
 
     The host turns on a circle of `radius` after a transition; the two centres meet where the host's path crosses the
@@ -318,7 +318,7 @@ def build_turn_across(given: Mapping[str, float]) -> BuiltScene:
     from cwcli.simulation.profile import read_motion_profile
     from cwcli.simulation.truth import TrueMotion
 
-    host, other, radius_m = given["host_speed"], given["other_speed"], given.get("radius", 14.0)
+    host, other, radius_m = trial_numbers["host_speed"], trial_numbers["other_speed"], trial_numbers.get("radius", 14.0)
     lateral = [
         {"from_s": 0, "curvature_1pm": 0},
         {"from_s": STEADY_TIME_BEFORE_EVENT_S, "curvature_1pm": 1.0 / radius_m, "curvature_rate_1pmps": 1.0 / radius_m},
@@ -342,9 +342,9 @@ def build_turn_across(given: Mapping[str, float]) -> BuiltScene:
     )
 
 
-def build_parked_on_both_sides(given: Mapping[str, float]) -> BuiltScene:
+def build_parked_on_both_sides(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host drives straight between two parked vehicles, whose inner sides are `clearance` apart."""
-    speed, clearance_m = given["host_speed"], given["clearance"]
+    speed, clearance_m = trial_numbers["host_speed"], trial_numbers["clearance"]
     if clearance_m <= CAR_LENGTH_AND_WIDTH_M[1]:
         raise _impossible_scene_error(f"the host does not fit between vehicles {clearance_m:g} m apart")
     side_m = 0.5 * (clearance_m + CAR_LENGTH_AND_WIDTH_M[1])
@@ -358,9 +358,9 @@ def build_parked_on_both_sides(given: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(_document_of_vehicles(APPROACH_START_TTC_S + 2.0 * SCENE_TIME_AFTER_CONTACT_S, **vehicles), 0.0)
 
 
-def build_parked_in_curve(given: Mapping[str, float]) -> BuiltScene:
+def build_parked_in_curve(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host drives into a left curve; a car is parked straight ahead of the curve's begin, outside the lane."""
-    speed, radius_m = given["host_speed"], given["radius"]
+    speed, radius_m = trial_numbers["host_speed"], trial_numbers["radius"]
     beside_m = 0.5 * LANE_WIDTH_M + CAR_LENGTH_AND_WIDTH_M[1]
     ahead_m = math.sqrt(2.0 * radius_m * beside_m)  # where the curve has left the straight line by that much
     begin_s = APPROACH_START_TTC_S
@@ -378,14 +378,14 @@ def build_parked_in_curve(given: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
 
 
-def build_following(given: Mapping[str, float]) -> BuiltScene:
+def build_following(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host follows; the lead brakes gently to a lower speed, and the host with it after a reaction time."""
     speed, gap_m, deceleration, lower = (
-        given["host_speed"], given["gap"], given["deceleration"], given["lower_speed"],
+        trial_numbers["host_speed"], trial_numbers["gap"], trial_numbers["deceleration"], trial_numbers["lower_speed"],
     )  # fmt: skip
     if not 0.0 <= lower < speed:
         raise _impossible_scene_error(f"the lower speed ({lower:.2f} m/s) must be below {speed:.2f} m/s")
-    reaction_s = given.get("reaction_time", 0.0)
+    reaction_s = trial_numbers.get("reaction_time", 0.0)
 
     def braking_segments(begin_s: float) -> list[dict[str, Any]]:
         change = {

@@ -106,14 +106,16 @@ def lead_braking_onset_s(clause: Clause, trial: Trial, encounter: Encounter) -> 
     return float(encounter.time_s[calm[-1]]) if len(calm) else float(encounter.time_s[0])
 
 
-def checked_start_and_end_s(trial: Trial, whole: Encounter, warned_s: float, verdict: Verdict) -> tuple[float, float]:
+def checked_start_and_end_s(
+    trial: Trial, encounter: Encounter, warned_s: float, verdict: Verdict
+) -> tuple[float, float]:
     """From when to when a trial is checked: until the warning, or until it had to come."""
-    latest_s = verdict.values.get("latest_s", float(whole.time_s[-1]))
+    latest_s = verdict.values.get("latest_s", float(encounter.time_s[-1]))
     until_s = latest_s if math.isnan(warned_s) else min(warned_s, latest_s)
     if trial.scene == "braking-lead":
-        return whole.event_s - CHECKED_TIME_BEFORE_BRAKING_S, until_s
-    near = np.flatnonzero(whole.ttc_s <= MAX_TTC_OF_CHECKED_APPROACH_S)
-    return (float(whole.time_s[near[0]]) if len(near) else float(whole.time_s[0])), until_s
+        return encounter.event_s - CHECKED_TIME_BEFORE_BRAKING_S, until_s
+    near = np.flatnonzero(encounter.ttc_s <= MAX_TTC_OF_CHECKED_APPROACH_S)
+    return (float(encounter.time_s[near[0]]) if len(near) else float(encounter.time_s[0])), until_s
 
 
 def find_tolerance_breaches(

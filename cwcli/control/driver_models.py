@@ -90,55 +90,57 @@ class DriverModel:
     is_no_longer_judged: Callable[[DrivingSituation], BoolArray] | None = None
 
 
-def _human_cut_in_braking_mps2(seen: DrivingSituation) -> FloatArray:
+def _human_cut_in_braking_mps2(situation: DrivingSituation) -> FloatArray:
     """Deceleration of the careful human at a cut-in: full where the other is in the way and nearer than 2 s."""
-    danger = ~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s <= HUMAN_CRITICAL_TTC_S)
+    danger = ~situation.is_behind & (situation.lateral_gap_m <= 0.0) & (situation.ttc_s <= HUMAN_CRITICAL_TTC_S)
     return np.where(danger, HUMAN_BRAKING_MPS2, 0.0)
 
 
-def _is_cut_in_early_enough(seen: DrivingSituation) -> BoolArray:
+def _is_cut_in_early_enough(situation: DrivingSituation) -> BoolArray:
     """Whether a vehicle has cut in with more time left than the human takes as dangerous."""
-    return np.asarray(~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s > HUMAN_CRITICAL_TTC_S))
+    return np.asarray(
+        ~situation.is_behind & (situation.lateral_gap_m <= 0.0) & (situation.ttc_s > HUMAN_CRITICAL_TTC_S)
+    )
 
 
-def _r157_braking_mps2(seen: DrivingSituation) -> FloatArray:
+def _r157_braking_mps2(situation: DrivingSituation) -> FloatArray:
     """Deceleration of the regulation's criterion: full where the time to collision is too short to brake."""
-    bound_s = seen.closing_speed_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_STEP_S
-    danger = ~seen.is_behind & (seen.lateral_gap_m <= R157_LATERAL_GAP_M) & (seen.ttc_s <= bound_s)
+    bound_s = situation.closing_speed_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_STEP_S
+    danger = ~situation.is_behind & (situation.lateral_gap_m <= R157_LATERAL_GAP_M) & (situation.ttc_s <= bound_s)
     return np.where(danger, R157_BRAKING_MPS2, 0.0)
 
 
-def _rss_braking_mps2(seen: DrivingSituation) -> FloatArray:
+def _rss_braking_mps2(situation: DrivingSituation) -> FloatArray:
     """Deceleration of RSS: full where the gap along and the gap across are both below their safe values."""
-    after = seen.speed_mps + RSS_REACTION_S * RSS_ACCEL_MPS2
-    safe_m = seen.speed_mps * RSS_REACTION_S + RSS_ACCEL_MPS2 * RSS_REACTION_S**2 / 2.0
-    safe_m = safe_m + (after**2 - seen.other_speed_mps**2) / (2.0 * RSS_BRAKING_MPS2)
-    across = np.abs(seen.approach_mps)
+    after = situation.speed_mps + RSS_REACTION_S * RSS_ACCEL_MPS2
+    safe_m = situation.speed_mps * RSS_REACTION_S + RSS_ACCEL_MPS2 * RSS_REACTION_S**2 / 2.0
+    safe_m = safe_m + (after**2 - situation.other_speed_mps**2) / (2.0 * RSS_BRAKING_MPS2)
+    across = np.abs(situation.approach_mps)
     across_after = across + RSS_LATERAL_ACCEL_MPS2 * RSS_REACTION_S
     beside_m = (2.0 * across + RSS_LATERAL_ACCEL_MPS2 * RSS_REACTION_S) * RSS_REACTION_S / 2.0
     beside_m = RSS_LATERAL_MARGIN_M + beside_m + across_after**2 / (2.0 * RSS_LATERAL_ACCEL_MPS2)
-    danger = ~seen.is_behind & (seen.gap_m < safe_m) & (seen.lateral_gap_m < beside_m)
+    danger = ~situation.is_behind & (situation.gap_m < safe_m) & (situation.lateral_gap_m < beside_m)
     return np.where(danger, HUMAN_BRAKING_MPS2, 0.0)
 
 
-def _fuzzy_braking_mps2(seen: DrivingSituation) -> FloatArray:
+def _fuzzy_braking_mps2(situation: DrivingSituation) -> FloatArray:
     """Deceleration of the fuzzy safety model; 0 where the other stays beside the ego until it has passed."""
-    is_beside_lane = seen.lateral_gap_m > 0.0
+    is_beside_lane = situation.lateral_gap_m > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
-        lateral_s = seen.lateral_gap_m / seen.approach_mps
-        passing_s = (seen.gap_m + 2.0 * seen.reach_m) / seen.closing_speed_mps
-    goes_by = is_beside_lane & (~(seen.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
+        lateral_s = situation.lateral_gap_m / situation.approach_mps
+        passing_s = (situation.gap_m + 2.0 * situation.reach_m) / situation.closing_speed_mps
+    goes_by = is_beside_lane & (~(situation.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
     critical_unsafety = fuzzy_safety.critical_unsafety_of_gap(
-        seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2
+        situation.gap_m, situation.speed_mps, situation.other_speed_mps, situation.accel_mps2
     )
-    ahead = fuzzy_safety.proactive_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
+    ahead = fuzzy_safety.proactive_unsafety_of_gap(situation.gap_m, situation.speed_mps, situation.other_speed_mps)
     hard = fuzzy_safety.HARDEST_BRAKING_MPS2 - fuzzy_safety.COMFORTABLE_BRAKING_MPS2
     braking_mps2 = np.where(
         critical_unsafety > 0.0,
         fuzzy_safety.COMFORTABLE_BRAKING_MPS2 + critical_unsafety * hard,
         ahead * fuzzy_safety.COMFORTABLE_BRAKING_MPS2,
     )
-    return np.where(seen.is_behind | goes_by, 0.0, braking_mps2)
+    return np.where(situation.is_behind | goes_by, 0.0, braking_mps2)
 
 
 CAREFUL_HUMAN_DRIVER_AT_CUT_IN = DriverModel(
@@ -255,7 +257,7 @@ def simulate_driver_cases(
 
 
 def _driving_situation(
-    own: tuple[FloatArray, FloatArray, FloatArray],
+    ego_pose: tuple[FloatArray, FloatArray, FloatArray],
     speed_mps: FloatArray,
     accel_mps2: FloatArray,
     other: CasePoses,
@@ -263,10 +265,10 @@ def _driving_situation(
     other_size: LengthAndWidthM,
 ) -> DrivingSituation:
     """Compute a driver's inputs: gaps and speeds of the other along and across the ego's heading."""
-    cosine, sine = np.cos(own[2]), np.sin(own[2])
-    dx, dy = other.x_m - own[0], other.y_m - own[1]
+    cosine, sine = np.cos(ego_pose[2]), np.sin(ego_pose[2])
+    dx, dy = other.x_m - ego_pose[0], other.y_m - ego_pose[1]
     ahead, left = dx * cosine + dy * sine, dy * cosine - dx * sine
-    turn = other.heading_rad - own[2]
+    turn = other.heading_rad - ego_pose[2]
     along, across = np.abs(np.cos(turn)), np.abs(np.sin(turn))
     reach = 0.5 * (ego_size[0] + other_size[0] * along + other_size[1] * across)
     half_widths_m = 0.5 * (ego_size[1] + other_size[0] * across + other_size[1] * along)

@@ -118,34 +118,34 @@ def control_table(replayed: Sequence[PublishedReplay], predictor: str, rule: str
     return table_from_records("control", _CONTROL_COLUMN_TYPES, records, docs=_CONTROL_COLUMN_DOCS)
 
 
-def control_table_row(one: PublishedReplay, policy: int, predictor: str, rule: str) -> dict[str, Any]:
+def control_table_row(replay: PublishedReplay, policy: int, predictor: str, rule: str) -> dict[str, Any]:
     """The row of the table `control` for one warning and policy."""
-    encounter = one.encounter
+    encounter = replay.encounter
     outcome = encounter.outcome
     at_warning = int(encounter.after_warning_mask.argmax())
     return {
-        "event_id": one.event_id,
-        "other_id": one.other_id,
+        "event_id": replay.event_id,
+        "other_id": replay.other_id,
         "policy": BRAKING_POLICY_NAMES[policy],
         "predictor": predictor,
         "rule": rule,
-        "warning_stamp_ns": one.warning_ns,
+        "warning_stamp_ns": replay.warning_ns,
         "warning_distance_m": float(outcome.distance_m[policy, at_warning]),
         "warning_speed_mps": float(outcome.speed_mps[policy, at_warning]),
         "is_behind": encounter.is_behind,
         "collided": bool(encounter.collided[policy]),
-        "collision_stamp_ns": one.stamp_ns(float(encounter.collision_time_s[policy])),
+        "collision_stamp_ns": replay.stamp_ns(float(encounter.collision_time_s[policy])),
         "impact_speed_mps": float(encounter.impact_speed_mps[policy]),
         "min_distance_m": float(encounter.min_distance_m[policy]),
-        "min_distance_stamp_ns": one.stamp_ns(float(encounter.min_distance_time_s[policy])),
-        "min_gap_m": float(one.gap_m(policy)[encounter.after_warning_mask].min()),
+        "min_distance_stamp_ns": replay.stamp_ns(float(encounter.min_distance_time_s[policy])),
+        "min_gap_m": float(replay.gap_m(policy)[encounter.after_warning_mask].min()),
         "peak_deceleration_mps2": float(encounter.peak_deceleration_mps2[policy]),
         "peak_jerk_mps3": float(encounter.peak_jerk_mps3[policy]),
-        "stopped_stamp_ns": one.stamp_ns(float(encounter.stopped_time_s[policy])),
-        "end_stamp_ns": one.stamp_ns(float(outcome.time_s[-1])),
+        "stopped_stamp_ns": replay.stamp_ns(float(encounter.stopped_time_s[policy])),
+        "end_stamp_ns": replay.stamp_ns(float(outcome.time_s[-1])),
         "end_speed_mps": float(outcome.speed_mps[policy, -1]),
         "end_distance_m": float(outcome.distance_m[policy, -1]),
-        "extrapolated_s": one.extrapolated_s,
+        "extrapolated_s": replay.extrapolated_s,
     }
 
 

@@ -103,13 +103,13 @@ def _reason_for_no_warnings(left_out: Mapping[str, str]) -> tuple[str, ...]:
     reason = reason if other is None else reason[: other.start()]
     if reason == NO_EGO_STATE_TEXT:
         reason = left_out.get("estimate", reason)
-    text = f"No {what} warnings were computed: {_in_plain_words(reason)}"
+    text = f"No {what} warnings were computed: {_replace_channel_names_by_plain_words(reason)}"
     if other is None:
         return (f"{text}.",)
     return (f"{text}; `cwcli run` with --stage {other[1]} {_watched_by_stages_text(other[1])}.",)
 
 
-def _in_plain_words(reason: str) -> str:
+def _replace_channel_names_by_plain_words(reason: str) -> str:
     """Return a reason in the words of somebody who knows no channels."""
     return reason.replace("no channel holds", "the log lacks").replace("the ego ", "the car's ")
 

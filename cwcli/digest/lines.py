@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cwcli.evaluation.doubts import DOUBTS
+from cwcli.evaluation.doubts import DOUBT_RULES
 from cwcli.evaluation.doubts.base import Doubt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import escape_control_characters, format_count, shorten_and_escape, terminal_cells_of_text, wrap_text
@@ -55,7 +55,7 @@ def trust_or_doubt_block(doubts: Sequence[Doubt], confidence: Sequence[str]) -> 
 
 def _short_doubt_name(name: str) -> str:
     """Return what a list of doubts calls one."""
-    rule = DOUBTS.get(name)
+    rule = DOUBT_RULES.get(name)
     return (rule.short_name if rule is not None else "") or name.replace("-", " ")
 
 
@@ -97,12 +97,12 @@ def _wrap_sentences(sentences: Sequence[str], width: int) -> list[tuple[str, int
     return found
 
 
-def _fit_sentences(sentences: Sequence[str], width: int, most: int) -> list[str]:
+def _fit_sentences(sentences: Sequence[str], width: int, max_lines: int) -> list[str]:
     """Return the lines of as many whole sentences as fit; the first one is cut if it alone does not."""
-    fitting = [text for text, count in _wrap_sentences(sentences, width) if count <= most]
+    fitting = [text for text, count in _wrap_sentences(sentences, width) if count <= max_lines]
     if fitting:
         return wrap_text(fitting[-1], width)
-    lines = wrap_text(shorten_and_escape(sentences[0], MAX_SENTENCE_CHARACTERS), width)[:most]
+    lines = wrap_text(shorten_and_escape(sentences[0], MAX_SENTENCE_CHARACTERS), width)[:max_lines]
     while terminal_cells_of_text(lines[-1]) + len(CUT_SENTENCE_MARK) > width:
         lines[-1] = lines[-1][:-1]
     return [*lines[:-1], f"{lines[-1].rstrip()}{CUT_SENTENCE_MARK}"]

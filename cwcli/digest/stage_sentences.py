@@ -40,7 +40,7 @@ def stage_sentence(stage: str, records: Mapping[str, Record], tables: Tables) ->
     Args:
         tables: Name -> table, of the stages that have just run.
     """
-    describe = _SENTENCES.get(stage)
+    describe = _SENTENCE_FUNCTION_BY_STAGE.get(stage)
     return "" if describe is None else describe(read_recorded_summary(records.get(stage, {})), tables)
 
 
@@ -151,7 +151,7 @@ def _crashes_by_policy_sentence(summary: RecordedSummary, tables: Tables) -> str
     )
 
 
-_SENTENCES: dict[str, Callable[[RecordedSummary, Tables], str]] = {
+_SENTENCE_FUNCTION_BY_STAGE: dict[str, Callable[[RecordedSummary, Tables], str]] = {
     "estimate": _estimate_sentence,
     "track": _track_sentence,
     "lanes": _lanes_sentence,

@@ -73,9 +73,9 @@ def find_real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]
     return sorted(found, key=lambda each: each.onset_ns)
 
 
-def _are_conflicts_nearer_than(one: RealConflict, other: RealConflict, gap_ns: float) -> bool:
+def _are_conflicts_nearer_than(first: RealConflict, second: RealConflict, gap_ns: float) -> bool:
     """Whether less than a gap (ns) lies between two conflicts."""
-    return one.onset_ns - other.end_ns < gap_ns and other.onset_ns - one.end_ns < gap_ns
+    return first.onset_ns - second.end_ns < gap_ns and second.onset_ns - first.end_ns < gap_ns
 
 
 def _find_conflicts_by_margin(pair: Pair, margin: FloatArray, config: WarningConfig) -> list[RealConflict]:

@@ -61,7 +61,7 @@ CHI_SQUARE_95_TWO_DOF = -2.0 * float(np.log(0.05))
 """Chi-square quantile of 95 % with two degrees of freedom."""
 
 
-def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
+def add_scores_to_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
     """Add the radio link and the offsets from the fixes to the result, and the track's errors if there is a truth."""
     evidence: EstimateEvidence = result.evaluation_inputs
     errors = compare_track_with_truth(

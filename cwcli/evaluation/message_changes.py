@@ -248,17 +248,17 @@ def _field_difference_mask(
 
 
 def _sequence_difference_mask(
-    one: Ragged,
-    other: Ragged,
+    early: Ragged,
+    late: Ragged,
     early_rows: npt.NDArray[np.intp],
     late_rows: npt.NDArray[np.intp],
     tolerance: float,
 ) -> BoolArray:
     """Return which pairs of sequences have other lengths, or numbers that differ by more than a tolerance."""
-    differs = np.diff(one.offsets)[early_rows] != np.diff(other.offsets)[late_rows]
+    differs = np.diff(early.offsets)[early_rows] != np.diff(late.offsets)[late_rows]
     for k in np.flatnonzero(~differs):
-        left = one.values[one.offsets[early_rows[k]] : one.offsets[early_rows[k] + 1]]
-        right = other.values[other.offsets[late_rows[k]] : other.offsets[late_rows[k] + 1]]
+        left = early.values[early.offsets[early_rows[k]] : early.offsets[early_rows[k] + 1]]
+        right = late.values[late.offsets[late_rows[k]] : late.offsets[late_rows[k] + 1]]
         differs[k] = bool(_number_difference_mask(left.astype(float), right.astype(float), tolerance).any())
     return np.asarray(differs)
 

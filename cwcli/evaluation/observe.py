@@ -40,7 +40,7 @@ PREVIEW_STATES = ("lateral_deviation_m", "heading_deviation_rad")
 """Names of the observed states that are compared at the preview point; they are the last columns of a row."""
 
 
-def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
+def add_scores_to_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
     """Add the errors to the result, if the log has a truth of the lateral motion."""
     evidence: ObserverEvidence = result.evaluation_inputs
     if evidence.truth is None or not len(evidence.truth):

@@ -61,7 +61,7 @@ class PathErrorSettings:
     discretisation: Discretisation
 
 
-def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageResult:
+def add_scores_to_result(log: Log, config: PredictConfig, result: StageResult) -> StageResult:
     """Add the errors of every motion model to the result, each vehicle against its own later track in hindsight."""
     settings = PathErrorSettings(config.horizon_s, config.step_s, config.discretisation)
     records = []
@@ -150,12 +150,12 @@ def path_errors_against_track(
     return horizon_errors(paths, start_ns, stamp_ns, xy, steps.tolist(), max_gap_s)
 
 
-def add_errors_at_horizons(headline: HeadlineCollector, prefix: str, found: list[HorizonErrors]) -> None:
+def add_errors_at_horizons(headline: HeadlineCollector, prefix: str, errors_of_vehicles: list[HorizonErrors]) -> None:
     """Add errors at each horizon that is a step of the paths; only starts with a known outcome count."""
-    step_s = found[0].horizon_s
-    distance = np.concatenate([each.distance_m for each in found])
-    is_known = np.concatenate([each.is_known for each in found])
-    squared = np.concatenate([each.mahalanobis2 for each in found])
+    step_s = errors_of_vehicles[0].horizon_s
+    distance = np.concatenate([each.distance_m for each in errors_of_vehicles])
+    is_known = np.concatenate([each.is_known for each in errors_of_vehicles])
+    squared = np.concatenate([each.mahalanobis2 for each in errors_of_vehicles])
     for horizon_s in ERROR_HORIZONS_S:
         at = np.flatnonzero(np.abs(step_s - horizon_s) < 1e-6)
         if not len(at):

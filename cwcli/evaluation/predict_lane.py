@@ -35,7 +35,7 @@ COURSE_SCHEMA = EGO_STATE.schema
 """Schema of states whose heading is the course and not the yaw of the car."""
 
 
-def judge_result(log: Log, config: PredictLaneConfig, result: StageResult) -> StageResult:
+def add_scores_to_result(log: Log, config: PredictLaneConfig, result: StageResult) -> StageResult:
     """Add the errors of every path model to the result: against the truth, else against the track."""
     evidence: LanePathEvidence = result.evaluation_inputs
     reference = _truth_poses_at_frames(evidence.truths, log, evidence.lateral, evidence.body.observed) or evidence.poses

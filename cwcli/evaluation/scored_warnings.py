@@ -134,14 +134,14 @@ class ScoredWarnings:
         return (self.events, self.conflicts, self.pairs, self.series, self.scores)
 
 
-def score_warnings(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = None) -> ScoredWarnings:
+def score_warnings(warnings: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = None) -> ScoredWarnings:
     """Score warnings against the actual motion.
 
     Args:
         actual: Vehicle id -> actual track; for missing ones `VehicleTrack.state` is used.
     """
-    host, ids = found.host, found.event_ids
-    pairs = [_score_pair(found, evaluation, actual or {}) for evaluation in found.pairs]
+    host, ids = warnings.host, warnings.event_ids
+    pairs = [_score_pair(warnings, evaluation, actual or {}) for evaluation in warnings.pairs]
     hours = float(host.stamp_ns[-1] - host.stamp_ns[0]) / NS_PER_H if len(host.stamp_ns) else 0.0
     verdicts = {
         ids[at, k]: (verdict, pair.least_gaps_m[verdict.conflict_index] if verdict.conflict_index >= 0 else math.nan)
@@ -153,21 +153,21 @@ def score_warnings(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | 
     )
     n_crashes = sum(gap_m <= 0.0 for pair in pairs for gap_m in pair.least_gaps_m)
     return ScoredWarnings(
-        rows=found.rows,
+        rows=warnings.rows,
         events=_add_verdict_and_least_gap_columns(
-            found.events_table, [verdicts[number] for number in sorted(verdicts)]
+            warnings.events_table, [verdicts[number] for number in sorted(verdicts)]
         ),
         conflicts=_build_conflicts_table(pairs, ids, host_id=host.id),
         pairs=_build_pairs_table(pairs, host_id=host.id),
-        series=found.evaluations_of_pairs_table,
-        scores=_build_scores_table(scores, found.config.rule, found.n_withheld, n_crashes=n_crashes),
-        counts=found.evaluation_counts_by_outcome,
+        series=warnings.evaluations_of_pairs_table,
+        scores=_build_scores_table(scores, warnings.config.rule, warnings.n_withheld, n_crashes=n_crashes),
+        counts=warnings.evaluation_counts_by_outcome,
     )
 
 
-def _score_pair(found: FoundWarnings, evaluation: PairEvaluation, actual: Mapping[str, ActualTrack]) -> ScoredPair:
+def _score_pair(warnings: FoundWarnings, evaluation: PairEvaluation, actual: Mapping[str, ActualTrack]) -> ScoredPair:
     """Score the warnings of one pair."""
-    host, other, config = found.host, evaluation.other, found.config
+    host, other, config = warnings.host, evaluation.other, warnings.config
     own = actual.get(host.id, ActualTrack(host.stamp_ns, host.state))
     theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
     pair = Pair(own, theirs, host.length_and_width_m, other.length_and_width_m, config.max_gap_s)

@@ -21,7 +21,7 @@ from cwcli.signals.canonical import TargetTruthSignal
 from cwcli.stages.track import TrackConfig, TrackingEvidence
 
 
-def judge_result(log: Log, config: TrackConfig, result: StageResult) -> StageResult:
+def add_scores_to_result(log: Log, config: TrackConfig, result: StageResult) -> StageResult:
     """Add the scores of the tracks to the result, if the log has a truth; their sums go into the record."""
     evidence: TrackingEvidence = result.evaluation_inputs
     truth = next((each for each in evidence.truths if isinstance(each, TargetTruthSignal)), None)

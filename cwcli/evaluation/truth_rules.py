@@ -62,7 +62,7 @@ class TruthRule:
 
 
 @dataclass(frozen=True)
-class _Rows:
+class _TruthRows:
     """Rows of one quantity.
 
     Attributes:
@@ -82,20 +82,20 @@ class _Rows:
     covariance: FloatArray
     late_s: float = 0.0
 
-    def state_at(self, state: int, late_s: float) -> FloatArray:
+    def track_state_at_true_times(self, state: int, late_s: float) -> FloatArray:
         """The track at the true times of the rows, (n,); NaN outside of it."""
         return np.interp(self.stamp_s - late_s, self.track_s, self.track[:, state], left=np.nan, right=np.nan)
 
     def estimated_quantity(self, late_s: float) -> FloatArray:
         """The estimated quantity at the true times of the rows, (n, d)."""
-        return np.column_stack([self.state_at(i, late_s) for i in STATES_OF_QUANTITY[self.quantity]])
+        return np.column_stack([self.track_state_at_true_times(i, late_s) for i in STATES_OF_QUANTITY[self.quantity]])
 
     def error(self, late_s: float) -> FloatArray:
         """Track minus truth, (n, d)."""
         error = self.estimated_quantity(late_s) - self.truth
         return np.asarray(wrap_angle(error) if self.quantity == "heading" else error)
 
-    def select(self, rows: BoolArray) -> _Rows:
+    def select(self, rows: BoolArray) -> _TruthRows:
         """Some of the rows."""
         return replace(self, stamp_s=self.stamp_s[rows], truth=self.truth[rows], covariance=self.covariance[rows])
 
@@ -108,12 +108,12 @@ class _Rows:
         return float(mean)
 
 
-_Fit = Callable[[_Rows, BoolArray], FloatArray]
+_RuleFit = Callable[[_TruthRows, BoolArray], FloatArray]
 """Rows and which of them count, (n,) -> parameters."""
 
 
 @dataclass(frozen=True)
-class _Kind:
+class _RuleKind:
     """A kind of rule.
 
     Attributes:
@@ -125,8 +125,8 @@ class _Kind:
     """
 
     quantities: tuple[str, ...]
-    fit: _Fit
-    apply: Callable[[_Rows, FloatArray], _Rows]
+    fit: _RuleFit
+    apply: Callable[[_TruthRows, FloatArray], _TruthRows]
     text: Callable[[FloatArray], str]
     advice: str
 
@@ -153,7 +153,7 @@ def find_truth_rules(
         known = np.isfinite(values).all(axis=1)
         if np.count_nonzero(known) < 2 * MIN_TRUTH_ROWS_OF_HALF_LOG:
             continue
-        rows = _Rows(
+        rows = _TruthRows(
             quantity,
             (stamp_ns[known] - stamp_ns[0]) / NS_PER_S,
             values[known],
@@ -176,7 +176,9 @@ def truth_rules_to_record_entry(rules: Mapping[str, TruthRule]) -> dict[str, str
     return {TRUTH_RULES_RECORD_KEY: json.dumps(found)}
 
 
-def _rule_and_clock_of_quantity(rows: _Rows, clock: FloatArray | None) -> tuple[TruthRule | None, FloatArray | None]:
+def _rule_and_clock_of_quantity(
+    rows: _TruthRows, clock: FloatArray | None
+) -> tuple[TruthRule | None, FloatArray | None]:
     """Return the rule of a quantity, and by how much the truth is late if that is the rule.
 
     Args:
@@ -200,7 +202,7 @@ def _rule_and_clock_of_quantity(rows: _Rows, clock: FloatArray | None) -> tuple[
     return TruthRule(best.text(parameters), best.advice, best_left), parameters if best is CLOCK_RULE_KIND else clock
 
 
-def _held_out_nees(rows: _Rows, kind: _Kind) -> float:
+def _held_out_nees(rows: _TruthRows, kind: _RuleKind) -> float:
     """Return the greater NEES of both halves of the log, each without the rule as fitted to the other half."""
     first = rows.stamp_s < np.median(rows.stamp_s)
     left = []
@@ -212,10 +214,10 @@ def _held_out_nees(rows: _Rows, kind: _Kind) -> float:
     return max(left)
 
 
-def _fit_linear(columns: Callable[[_Rows], FloatArray]) -> _Fit:
+def _least_squares_fit(columns: Callable[[_TruthRows], FloatArray]) -> _RuleFit:
     """Return the weighted least squares of truth minus track by columns (n, d, p)."""
 
-    def fit(rows: _Rows, chosen: BoolArray) -> FloatArray:
+    def fit(rows: _TruthRows, chosen: BoolArray) -> FloatArray:
         error, design = -rows.error(rows.late_s), columns(rows)
         use = chosen & np.isfinite(error).all(axis=1)
         weight = np.linalg.inv(rows.covariance[use])
@@ -226,41 +228,43 @@ def _fit_linear(columns: Callable[[_Rows], FloatArray]) -> _Fit:
     return fit
 
 
-def _correct_by_linear_columns(columns: Callable[[_Rows], FloatArray]) -> Callable[[_Rows, FloatArray], _Rows]:
+def _correct_by_linear_columns(
+    columns: Callable[[_TruthRows], FloatArray],
+) -> Callable[[_TruthRows, FloatArray], _TruthRows]:
     return lambda rows, parameters: _with_truth(rows, rows.truth - columns(rows) @ parameters)
 
 
-def _with_truth(rows: _Rows, truth: FloatArray) -> _Rows:
+def _with_truth(rows: _TruthRows, truth: FloatArray) -> _TruthRows:
     return replace(rows, truth=truth)
 
 
-def _point_columns(rows: _Rows) -> FloatArray:
-    heading = rows.state_at(HEADING, rows.late_s)
+def _reference_point_columns(rows: _TruthRows) -> FloatArray:
+    heading = rows.track_state_at_true_times(HEADING, rows.late_s)
     ahead = np.column_stack([np.cos(heading), np.sin(heading)])
     return np.stack([ahead, np.column_stack([-ahead[:, 1], ahead[:, 0]])], axis=2)
 
 
-def _map_offset_columns(rows: _Rows) -> FloatArray:
+def _map_offset_columns(rows: _TruthRows) -> FloatArray:
     return np.broadcast_to(np.eye(2), (len(rows.stamp_s), 2, 2))
 
 
-def _map_columns(rows: _Rows) -> FloatArray:
+def _map_rotation_columns(rows: _TruthRows) -> FloatArray:
     xy = rows.estimated_quantity(rows.late_s)
     x, y = (xy - np.nanmean(xy, axis=0)).T
     return np.stack([*np.moveaxis(_map_offset_columns(rows), 2, 0), np.stack([x, y], 1), np.stack([-y, x], 1)], axis=2)
 
 
-def _speed_columns(rows: _Rows) -> FloatArray:
+def _speed_columns(rows: _TruthRows) -> FloatArray:
     return rows.estimated_quantity(rows.late_s)[:, :, None]
 
 
-def _fit_clock_with(other: _Kind | None) -> _Fit:
+def _clock_error_fit_with(other: _RuleKind | None) -> _RuleFit:
     """Return the fit of by how much the truth is late, s, and of another rule's parameters beside it, (1 + p,).
 
     The likeliest delay is searched on a grid, then in ever finer steps.
     """
 
-    def fit(rows: _Rows, chosen: BoolArray) -> FloatArray:
+    def fit(rows: _TruthRows, chosen: BoolArray) -> FloatArray:
         every = np.flatnonzero(chosen)
         thin = np.zeros_like(chosen)
         thin[every[:: max(1, len(every) // MAX_ROWS_IN_TRUTH_RULE_SEARCH)]] = True
@@ -286,24 +290,24 @@ def _fit_clock_with(other: _Kind | None) -> _Fit:
     return fit
 
 
-def _without_clock_and(other: _Kind | None) -> Callable[[_Rows, FloatArray], _Rows]:
-    def apply(rows: _Rows, parameters: FloatArray) -> _Rows:
+def _clock_error_remover_with(other: _RuleKind | None) -> Callable[[_TruthRows, FloatArray], _TruthRows]:
+    def apply(rows: _TruthRows, parameters: FloatArray) -> _TruthRows:
         moved = _rows_with_later_clock(rows, float(parameters[0]))
         return moved if other is None else other.apply(moved, parameters[1:])
 
     return apply
 
 
-def _rows_with_later_clock(rows: _Rows, late_s: float) -> _Rows:
+def _rows_with_later_clock(rows: _TruthRows, late_s: float) -> _TruthRows:
     return replace(rows, late_s=rows.late_s + late_s)
 
 
-def _kind_of_clock_and_other_rule(other: _Kind) -> _Kind:
+def _kind_of_clock_and_other_rule(other: _RuleKind) -> _RuleKind:
     """Return the rule of another clock and another rule together."""
-    return _Kind(
+    return _RuleKind(
         other.quantities,
-        _fit_clock_with(other),
-        _without_clock_and(other),
+        _clock_error_fit_with(other),
+        _clock_error_remover_with(other),
         lambda parameters: f"{_clock_text(parameters)}, and {other.text(parameters[1:])}",
         f"{CLOCK_RULE_KIND.advice} {other.advice}",
     )
@@ -345,10 +349,10 @@ def _map_text(parameters: FloatArray) -> str:
     )
 
 
-def _fit_turn(sign: float) -> _Fit:
+def _constant_offset_fit(sign: float) -> _RuleFit:
     """Return the constant (1,) in truth = sign * track + constant."""
 
-    def fit(rows: _Rows, chosen: BoolArray) -> FloatArray:
+    def fit(rows: _TruthRows, chosen: BoolArray) -> FloatArray:
         difference = (rows.truth - sign * rows.estimated_quantity(rows.late_s))[:, 0]
         use = chosen & np.isfinite(difference)
         return np.array([np.angle(np.exp(1j * difference[use]).mean())])
@@ -356,11 +360,11 @@ def _fit_turn(sign: float) -> _Fit:
     return fit
 
 
-def _correct_by_turned_axes(sign: float) -> Callable[[_Rows, FloatArray], _Rows]:
+def _correct_by_turned_axes(sign: float) -> Callable[[_TruthRows, FloatArray], _TruthRows]:
     return lambda rows, turn_rad: _with_truth(rows, sign * (rows.truth - turn_rad))
 
 
-def _held_truth_rows_mask(rows: _Rows) -> BoolArray:
+def _held_truth_rows_mask(rows: _TruthRows) -> BoolArray:
     """Return which rows of a truth repeat the value before them for long while the track moves on, (n,)."""
     if rows.quantity != "position":
         return np.zeros(len(rows.stamp_s), np.bool_)
@@ -374,44 +378,44 @@ def _held_truth_rows_mask(rows: _Rows) -> BoolArray:
     return np.repeat(is_held, last - first + 1)
 
 
-def _fit_held(rows: _Rows, chosen: BoolArray) -> FloatArray:
+def _total_held_time_s(rows: _TruthRows, chosen: BoolArray) -> FloatArray:
     """Return for how long the truth is held, s, (1,)."""
     step_s = np.append(0.0, np.diff(rows.stamp_s))
     return np.array([step_s[_held_truth_rows_mask(rows) & chosen].sum()])
 
 
-def _drop_held_truth_rows(rows: _Rows, _: FloatArray) -> _Rows:
+def _drop_held_truth_rows(rows: _TruthRows, _: FloatArray) -> _TruthRows:
     return _with_truth(rows, np.where(_held_truth_rows_mask(rows)[:, None], np.nan, rows.truth))
 
 
-CLOCK_RULE_KIND = _Kind(
+CLOCK_RULE_KIND = _RuleKind(
     ("position", "speed", "heading"),
-    _fit_clock_with(None),
-    _without_clock_and(None),
+    _clock_error_fit_with(None),
+    _clock_error_remover_with(None),
     _clock_text,
     "Check the truth's clock against those of the sensors.",
 )
 """Another clock; it comes first, because it holds for all quantities."""
-REFERENCE_POINT_RULE_KIND = _Kind(
+REFERENCE_POINT_RULE_KIND = _RuleKind(
     ("position",),
-    _fit_linear(_point_columns),
-    _correct_by_linear_columns(_point_columns),
+    _least_squares_fit(_reference_point_columns),
+    _correct_by_linear_columns(_reference_point_columns),
     _point_text,
     "Give the mounting of the position's sensor with --lever-arm, or take a truth of the same point.",
 )
 """Another point of the car."""
-MAP_OFFSET_RULE_KIND = _Kind(
+MAP_OFFSET_RULE_KIND = _RuleKind(
     ("position",),
-    _fit_linear(_map_offset_columns),
+    _least_squares_fit(_map_offset_columns),
     _correct_by_linear_columns(_map_offset_columns),
     _map_offset_text,
     "Check the datum and the origin of the truth and of the fixes.",
 )
 """An offset on the map."""
 TRUTH_RULE_KINDS = (
-    _Kind(
+    _RuleKind(
         ("position",),
-        _fit_held,
+        _total_held_time_s,
         _drop_held_truth_rows,
         lambda held_s: f"repeats one value for {held_s[0]:.0f} s while the car moves on",
         "Leave that part out with --start and --end, or take another truth.",
@@ -419,25 +423,25 @@ TRUTH_RULE_KINDS = (
     CLOCK_RULE_KIND,
     REFERENCE_POINT_RULE_KIND,
     MAP_OFFSET_RULE_KIND,
-    _Kind(
+    _RuleKind(
         ("position",),
-        _fit_linear(_map_columns),
-        _correct_by_linear_columns(_map_columns),
+        _least_squares_fit(_map_rotation_columns),
+        _correct_by_linear_columns(_map_rotation_columns),
         _map_text,
         "Check the projection of the truth's positions.",
     ),
     _kind_of_clock_and_other_rule(REFERENCE_POINT_RULE_KIND),
     _kind_of_clock_and_other_rule(MAP_OFFSET_RULE_KIND),
-    _Kind(
+    _RuleKind(
         ("speed",),
-        _fit_linear(_speed_columns),
+        _least_squares_fit(_speed_columns),
         lambda rows, share: _with_truth(rows, rows.truth / (1.0 + share)),
         lambda share: f"is {1.0 + share[0]:.4g} times the estimated one, as in another unit or by another wheel",
         "Check the unit of the truth's speed.",
     ),
-    _Kind(
+    _RuleKind(
         ("heading",),
-        _fit_turn(1.0),
+        _constant_offset_fit(1.0),
         _correct_by_turned_axes(1.0),
         lambda turn: (
             f"is turned {np.degrees(abs(turn[0])):.2g} deg to the {'left' if turn[0] > 0.0 else 'right'}, as a device "
@@ -445,9 +449,9 @@ TRUTH_RULE_KINDS = (
         ),
         "Check how the truth's device is mounted, and where its heading counts from.",
     ),
-    _Kind(
+    _RuleKind(
         ("heading",),
-        _fit_turn(-1.0),
+        _constant_offset_fit(-1.0),
         _correct_by_turned_axes(-1.0),
         lambda turn: f"counts clockwise, and {np.degrees(turn[0]) % 360.0:.3g} deg where the car heads east",
         "Check which way the truth's heading counts; it should be counter-clockwise from east.",

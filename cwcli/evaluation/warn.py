@@ -67,7 +67,7 @@ VERDICT_HEADINGS = (
 """Headings of the verdicts, which the table of warnings gets in addition."""
 
 
-def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageResult) -> StageResult:
+def add_scores_to_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageResult) -> StageResult:
     """Add verdicts on the warnings, the real conflicts and the counts of both to the result, rule by rule.
 
     True departures from the lane are not known, so warnings of `warn-lane` get no verdict.
@@ -188,26 +188,26 @@ def _rule_names_from_records(records: Mapping[str, Record]) -> list[str]:
     return [WarningConfig().rule if named is None else str(named), *of_lane]
 
 
-def add_warning_scores(headline: HeadlineCollector, prefix: str, found: WarningScores) -> None:
+def add_warning_scores(headline: HeadlineCollector, prefix: str, scores: WarningScores) -> None:
     """Add the scores of one rule under a prefix of metrics, with counts for `warnings` and for another system."""
-    n_warned = found.n_in_time + found.n_warned_late
-    decided = found.n_events - found.n_undecided
+    n_warned = scores.n_in_time + scores.n_warned_late
+    decided = scores.n_events - scores.n_undecided
     is_whole = find_metric(f"{prefix}.count") is not None
     if is_whole:
-        headline.add_count(f"{prefix}.count", found.n_events)
-        headline.add_count(f"{prefix}.conflicts_count", found.n_conflicts)
-        headline.add_count(f"{prefix}.missed_count", found.n_conflicts - n_warned)
-        headline.add_count(f"{prefix}.false_count", found.n_false)
-        headline.add_count(f"{prefix}.undecided_count", found.n_undecided)
-    headline.add_from_sums(f"{prefix}.precision", found.n_true + found.n_late, decided)
-    headline.add_from_sums(f"{prefix}.recall", n_warned, found.n_conflicts)
-    headline.add_from_sums(f"{prefix}.timeliness", found.n_in_time, n_warned)
-    headline.add_from_sums(f"{prefix}.lead_time_mean_s", math.fsum(found.lead_times_s), len(found.lead_times_s))
-    if is_whole and found.lead_times_s:
-        headline.add_from_sums(f"{prefix}.lead_time_min_s", min(found.lead_times_s), 1.0, n=len(found.lead_times_s))
-    headline.add_from_sums(f"{prefix}.false_alarms_per_hour", found.n_false, found.host_hours, n=found.n_false)
+        headline.add_count(f"{prefix}.count", scores.n_events)
+        headline.add_count(f"{prefix}.conflicts_count", scores.n_conflicts)
+        headline.add_count(f"{prefix}.missed_count", scores.n_conflicts - n_warned)
+        headline.add_count(f"{prefix}.false_count", scores.n_false)
+        headline.add_count(f"{prefix}.undecided_count", scores.n_undecided)
+    headline.add_from_sums(f"{prefix}.precision", scores.n_true + scores.n_late, decided)
+    headline.add_from_sums(f"{prefix}.recall", n_warned, scores.n_conflicts)
+    headline.add_from_sums(f"{prefix}.timeliness", scores.n_in_time, n_warned)
+    headline.add_from_sums(f"{prefix}.lead_time_mean_s", math.fsum(scores.lead_times_s), len(scores.lead_times_s))
+    if is_whole and scores.lead_times_s:
+        headline.add_from_sums(f"{prefix}.lead_time_min_s", min(scores.lead_times_s), 1.0, n=len(scores.lead_times_s))
+    headline.add_from_sums(f"{prefix}.false_alarms_per_hour", scores.n_false, scores.host_hours, n=scores.n_false)
     if is_whole:
-        headline.add_from_sums(f"{prefix}.raised_per_hour", found.n_events, found.host_hours, n=found.n_events)
+        headline.add_from_sums(f"{prefix}.raised_per_hour", scores.n_events, scores.host_hours, n=scores.n_events)
 
 
 def judge_published_warnings(

@@ -25,20 +25,20 @@ def find_ego_braking(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the ego's hard braking."""
     track = ActualTrack(evidence.stamp_ns, evidence.ego_state)
     accel_mps2 = accel_yaw_rate_jerk_of_track(track)[:, 0]
-    yield from _find_braking(evidence.stamp_ns, accel_mps2, (evidence.ego_id,))
+    yield from _find_hard_braking(evidence.stamp_ns, accel_mps2, (evidence.ego_id,))
 
 
 def find_other_braking(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the hard braking of others near the ego."""
     for other_id, pair in evidence.iter_pairs():
         actors = (evidence.ego_id, other_id)
-        for moment in _find_braking(evidence.stamp_ns, pair.other_derivatives[:, 0], actors):
+        for moment in _find_hard_braking(evidence.stamp_ns, pair.other_derivatives[:, 0], actors):
             first, last = np.searchsorted(evidence.stamp_ns, (moment.start_ns, moment.end_ns))
             if (pair.distance_m[first : last + 1] < MAX_DISTANCE_OF_OTHER_BRAKING_M).any():
                 yield moment
 
 
-def _find_braking(stamp_ns: Int64Array, accel_mps2: FloatArray, actors: tuple[str, ...]) -> Iterator[Moment]:
+def _find_hard_braking(stamp_ns: Int64Array, accel_mps2: FloatArray, actors: tuple[str, ...]) -> Iterator[Moment]:
     """Yield the stretches of hard braking in an acceleration (n,)."""
     holds = np.nan_to_num(accel_mps2) <= -MIN_HARD_BRAKING_MPS2
     for first, last in lasting_row_spans(

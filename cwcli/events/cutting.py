@@ -27,15 +27,15 @@ MIN_TIME_IN_OTHER_LANE_BEFORE_S = 0.3
 
 def find_cut_ins(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the moments in which another vehicle enters the ego's lane ahead of it."""
-    return _find_cuts(evidence, is_in=True)
+    return _find_cut_ins_or_cut_outs(evidence, is_in=True)
 
 
 def find_cut_outs(evidence: EventEvidence) -> Iterator[Moment]:
     """Yield the moments in which another vehicle leaves the ego's lane ahead of it."""
-    return _find_cuts(evidence, is_in=False)
+    return _find_cut_ins_or_cut_outs(evidence, is_in=False)
 
 
-def _find_cuts(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
+def _find_cut_ins_or_cut_outs(evidence: EventEvidence, *, is_in: bool) -> Iterator[Moment]:
     """Yield cut-ins or cut-outs: from a side on the line to wholly inside the lane, or back."""
     other_ids = [other_id for other_id, _ in evidence.iter_pairs()]
     own_changes = [(each.start_ns, each.end_ns) for each in find_lane_changes(evidence)]

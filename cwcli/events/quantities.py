@@ -55,8 +55,8 @@ def check_names_and_units(comparison: Comparison, log: Log | None = None) -> Non
     for (one, unit), (other, other_unit) in itertools.pairwise(known):
         if unit != other_unit:
             raise UsageError(
-                f"{_operand_text_with_unit(one, unit)} can't be compared with "
-                f"{_operand_text_with_unit(other, other_unit)}",
+                f"{_operand_and_unit_for_error_text(one, unit)} can't be compared with "
+                f"{_operand_and_unit_for_error_text(other, other_unit)}",
                 hint="" if log is None else "a number without a unit is in that of the field",
             )
 
@@ -91,7 +91,7 @@ def _unit_defined_by_message_or_none(operand: Number | Series, log: Log) -> str 
     return None if kind is None else UNIT_BY_KIND[kind]
 
 
-def _operand_text_with_unit(operand: Number | Series, unit: str | None) -> str:
+def _operand_and_unit_for_error_text(operand: Number | Series, unit: str | None) -> str:
     """Return an operand with its unit, for messages."""
     if isinstance(operand, Number):
         return f"a number in {unit}" if unit else "a plain number"

@@ -147,9 +147,9 @@ def find_events_in_log(
     found: list[FoundEvent] = []
     missing: dict[str, str] = {}
     if query.events is None:
-        value_name = _name_of_value(query.node)
+        value_name = _name_of_reported_quantity(query.node)
         found += [
-            _found_event(key, name, log, EVENT_NAME_OF_EXPRESSION, each, value_name)
+            _event_from_moment(key, name, log, EVENT_NAME_OF_EXPRESSION, each, value_name)
             for each in _iter_moments_where_true(evidence, query)
         ]
     for event in query.events or ():
@@ -157,7 +157,7 @@ def find_events_in_log(
             continue
         kind = EVENTS[event]
         try:
-            found += [_found_event(key, name, log, event, each, kind.value_name) for each in kind.find(evidence)]
+            found += [_event_from_moment(key, name, log, event, each, kind.value_name) for each in kind.find(evidence)]
         except MissingSignalError as error:
             if not query.is_all:
                 raise
@@ -165,23 +165,23 @@ def find_events_in_log(
     return LogSearch(tuple(sorted(found, key=lambda each: (each.moment.start_ns, each.event, each.id))), missing)
 
 
-def table_of_events(found: Sequence[FoundEvent]) -> Table:
+def table_of_events(events: Sequence[FoundEvent]) -> Table:
     """Return the events as a table, one row each, in the given order."""
-    moments = [each.moment for each in found]
+    moments = [each.moment for each in events]
     columns: dict[str, TableColumn] = {
-        "id": [each.id for each in found],
-        "log": [each.log for each in found],
-        "event": [each.event for each in found],
+        "id": [each.id for each in events],
+        "log": [each.log for each in events],
+        "event": [each.event for each in events],
         "start_ns": np.array([each.start_ns for each in moments], np.int64),
         "end_ns": np.array([each.end_ns for each in moments], np.int64),
-        "start_s": np.array([each.start_s for each in found], float),
-        "duration_s": np.array([each.duration_s for each in found], float),
+        "start_s": np.array([each.start_s for each in events], float),
+        "duration_s": np.array([each.duration_s for each in events], float),
         "actors": [" ".join(each.actors) for each in moments],
         "value": np.array([each.value for each in moments], float),
-        "value_name": [each.value_name for each in found],
+        "value_name": [each.value_name for each in events],
         "severity": np.array([each.severity for each in moments], float),
         "detail": [each.detail for each in moments],
-        "words": [each.words for each in found],
+        "words": [each.words for each in events],
     }
     docs = {
         "id": ColumnDoc("the same for the same event in every run"),
@@ -192,7 +192,7 @@ def table_of_events(found: Sequence[FoundEvent]) -> Table:
     return Table("events", columns, docs)
 
 
-def _found_event(key: str, name: str, log: Log, event: str, moment: Moment, value_name: str) -> FoundEvent:
+def _event_from_moment(key: str, name: str, log: Log, event: str, moment: Moment, value_name: str) -> FoundEvent:
     """Return a moment as an event of a log, with its id."""
     text = "\0".join((key, event, str(moment.start_ns), *moment.actors, moment.detail))
     digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:EVENT_ID_HEX_DIGITS]
@@ -222,25 +222,25 @@ def _iter_comparisons(node: Node) -> Iterator[Comparison]:
         yield from _iter_comparisons(node.inner)
 
 
-def _name_of_value(node: Node) -> str:
+def _name_of_reported_quantity(node: Node) -> str:
     """Return the name of the quantity whose value an expression's events have; "" without one."""
     first = next(_iter_comparisons(node), None)
     quantity = next((each for each in first.operands if isinstance(each, Series)), None) if first else None
     return "" if quantity is None else f"{quantity.function} {quantity.name}".strip()
 
 
-def _names_of_events(node: Node) -> Iterator[str]:
+def _iter_event_names(node: Node) -> Iterator[str]:
     """Yield the events in an expression."""
     if isinstance(node, EventName):
         yield node.name
     elif isinstance(node, AndOr):
         for part in node.parts:
-            yield from _names_of_events(part)
+            yield from _iter_event_names(part)
     elif isinstance(node, Near):
-        yield from _names_of_events(node.inner)
-        yield from _names_of_events(node.anchor)
+        yield from _iter_event_names(node.inner)
+        yield from _iter_event_names(node.anchor)
     elif isinstance(node, Lasting | Not):
-        yield from _names_of_events(node.inner)
+        yield from _iter_event_names(node.inner)
 
 
 def _iter_moments_where_true(evidence: EventEvidence, query: Query) -> Iterator[Moment]:
@@ -248,7 +248,7 @@ def _iter_moments_where_true(evidence: EventEvidence, query: Query) -> Iterator[
     for comparison in _iter_comparisons(query.node):
         check_names_and_units(comparison, evidence.log)
     operands = [operand for each in _iter_comparisons(query.node) for operand in each.operands]
-    moments = {name: list(EVENTS[name].find(evidence)) for name in set(_names_of_events(query.node))}
+    moments = {name: list(EVENTS[name].find(evidence)) for name in set(_iter_event_names(query.node))}
     about_pairs = any(map(needs_other_vehicle, operands))
     is_of_fields = operands and all(isinstance(each, Number) or each.name.startswith("/") for each in operands)
     if is_of_fields and not moments:

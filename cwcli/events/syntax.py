@@ -67,13 +67,13 @@ WORDS_BEHIND_NUMBER = LOGICAL_WORDS | {"for", "within", "over"}
 EXPRESSION_EXAMPLE = "for example 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps > 8', or 'cut-in'"
 """Valid expressions, which the hints of syntax errors show."""
 
-_TOKEN = re.compile(
+_TOKEN_PATTERN = re.compile(
     rf"\s*(?:{NUMBER_PATTERN})"
     r"|(?P<field>/[^\s:()<>=!]+:[A-Za-z_][\w.\[\]]*)"
     rf"|(?P<name>[A-Za-z][A-Za-z0-9_.-]*)|{SIGN_PATTERN})"
 )
 """Pattern of one token after any white space: a number, a field of a topic, a name or a sign."""
-_UNIT = re.compile(
+_UNIT_PATTERN = re.compile(
     r"\s*("
     + "|".join(re.escape(unit) for unit in sorted(UNIT_AND_FACTOR_BY_SPELLING, key=len, reverse=True))
     + r")(?![\w/^(])"
@@ -145,7 +145,7 @@ def event_names(node: Node) -> tuple[str, ...] | None:
 class _Parser(ConditionParser):
     """The parser of the grammar above."""
 
-    what, example, token = "an expression", EXPRESSION_EXAMPLE, _TOKEN
+    what, example, token = "an expression", EXPRESSION_EXAMPLE, _TOKEN_PATTERN
 
     def __init__(self, text: str, events: tuple[str, ...]) -> None:
         super().__init__(text)
@@ -225,7 +225,7 @@ class _Parser(ConditionParser):
         """Parse a number with its unit, if there is one."""
         _, text, start = self.next_token()
         value = self.finite_number(text, start)
-        found = _UNIT.match(self.text, self.at)
+        found = _UNIT_PATTERN.match(self.text, self.at)
         if found is None:
             return Number(value)
         self.at = found.end()

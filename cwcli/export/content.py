@@ -48,7 +48,7 @@ class ExportContent(NamedTuple):
     is_tracks: bool = False
 
 
-EXPORT_CONTENTS = {
+CHANNEL_BY_EXPORT_CONTENT_NAME = {
     "ego": ExportContent(EGO_STATE, is_tracks=True),
     "ego-online": ExportContent(EGO_ONLINE, is_tracks=True),
     "remote": ExportContent(REMOTE_STATE, is_tracks=True),
@@ -68,9 +68,9 @@ EXPORT_CONTENTS = {
 def content_names_of_ego_and_others(log: Log) -> list[str]:
     """Names of the contents of the ego and of all other vehicles that the log holds; at least the ego's."""
     topics_of_log = {channel.topic for channel in log.channels if channel.message_count}
-    return [what for what in CONTENTS_OF_ALL_VEHICLES if EXPORT_CONTENTS[what].channel.topic in topics_of_log] or [
-        CONTENTS_OF_ALL_VEHICLES[0]
-    ]
+    return [
+        what for what in CONTENTS_OF_ALL_VEHICLES if CHANNEL_BY_EXPORT_CONTENT_NAME[what].channel.topic in topics_of_log
+    ] or [CONTENTS_OF_ALL_VEHICLES[0]]
 
 
 def require_content_in_log(log: Log, what: str) -> None:
@@ -80,12 +80,12 @@ def require_content_in_log(log: Log, what: str) -> None:
         MissingSignalError: It does not; the error names what the log holds.
     """
     topics_of_log = {channel.topic for channel in log.channels}
-    channel = EXPORT_CONTENTS[what].channel
+    channel = CHANNEL_BY_EXPORT_CONTENT_NAME[what].channel
     if channel.topic in topics_of_log:
         return
     contents_of_log = tuple(
         f"{name} ({each.channel.topic})"
-        for name, each in EXPORT_CONTENTS.items()
+        for name, each in CHANNEL_BY_EXPORT_CONTENT_NAME.items()
         if each.channel.topic in topics_of_log
     )
     raise MissingSignalError(
@@ -107,7 +107,7 @@ def table_to_export(log: Log, what: str, vehicle: str | None) -> Table:
         UsageError: No row has the id; the error names the ids there are.
         InputError: The log is damaged.
     """
-    columns = log.columns(EXPORT_CONTENTS[what].channel.topic)
+    columns = log.columns(CHANNEL_BY_EXPORT_CONTENT_NAME[what].channel.topic)
     fields: dict[str, Field] = {"log_time_ns": columns.log_time_ns, **columns.fields}
     if vehicle is not None:
         rows = _rows_of_vehicle(columns, vehicle, what)
@@ -124,7 +124,7 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
         DataError: Another version wrote the channel.
         InputError: The log is damaged.
     """
-    topic = EXPORT_CONTENTS[what].channel.topic
+    topic = CHANNEL_BY_EXPORT_CONTENT_NAME[what].channel.topic
     if what == "targets":
         states = read_targets_as_states(log.columns(topic))
     else:

@@ -52,7 +52,10 @@ def encode_osi_mcap_trace(tracks: Sequence[Track]) -> bytes:
     n = len(at_ns)
     ids = _unique_numeric_ids(tracks)
     fields: dict[str, OutputField] = {
-        **{f"version.version_{name}": np.full(n, part) for name, part in zip(_VERSION_PARTS, OSI_VERSION, strict=True)},
+        **{
+            f"version.version_{name}": np.full(n, part)
+            for name, part in zip(_VERSION_NUMBER_NAMES, OSI_VERSION, strict=True)
+        },
         "timestamp.seconds": at_ns // NS_PER_S,
         "timestamp.nanos": at_ns % NS_PER_S,
         "moving_object": _moving_objects_of_each_message(tracks, ids, at_ns),
@@ -81,7 +84,7 @@ def encode_osi_mcap_trace(tracks: Sequence[Track]) -> bytes:
         return path.read_bytes()
 
 
-_VERSION_PARTS = ("major", "minor", "patch")
+_VERSION_NUMBER_NAMES = ("major", "minor", "patch")
 """Names of the parts of a version."""
 
 

@@ -40,7 +40,7 @@ def manifest_without_logs(plan: FleetPlan) -> Document:
     return {"format": MANIFEST_FORMAT, "cwcli": __version__, **shard, **run}
 
 
-class Index(NamedTuple):
+class IndexOfEndedLogs(NamedTuple):
     """What an output folder says of the logs that have ended.
 
     Attributes:
@@ -52,7 +52,7 @@ class Index(NamedTuple):
     entries: dict[str, Document]
 
 
-def read_index(out: Path, *, force: bool) -> Index:
+def read_index_of_ended_logs(out: Path, *, force: bool) -> IndexOfEndedLogs:
     """Read the index of earlier results, which is empty for a run that begins afresh.
 
     Raises:
@@ -69,18 +69,18 @@ def read_index(out: Path, *, force: bool) -> Index:
             hint="name a new folder with -d",
         )
     if manifest is None or force:
-        return Index({}, {})
+        return IndexOfEndedLogs({}, {})
     listed = manifest.get("logs")
     entries = {
         each["id"]: each
         for each in (listed if isinstance(listed, list) else [])
         if isinstance(each, dict) and isinstance(each.get("id"), str) and each.get("status") in ENDED_LOG_STATUSES
     }
-    return Index(manifest, entries)
+    return IndexOfEndedLogs(manifest, entries)
 
 
 def split_in_unchanged_and_to_read(
-    tasks: Sequence[LogTask], plan: FleetPlan, index: Index
+    tasks: Sequence[LogTask], plan: FleetPlan, index: IndexOfEndedLogs
 ) -> tuple[list[tuple[LogTask, FileState]], list[LogTask]]:
     """Split the logs in those that need no reading, with the state of their files, and the others."""
     if plan.rehash or not tasks:

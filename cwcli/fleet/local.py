@@ -30,7 +30,10 @@ class WorkerDied(Exception):
 
 
 def run_on_local_processes(
-    tasks: Sequence[LogTask], plan: FleetPlan, jobs: int, do: Callable[[LogTask, FleetPlan], TaskResult] | None = None
+    tasks: Sequence[LogTask],
+    plan: FleetPlan,
+    jobs: int,
+    process: Callable[[LogTask, FleetPlan], TaskResult] | None = None,
 ) -> Iterator[tuple[LogTask, TaskResult | WorkerDied]]:
     """Process the logs on `jobs` local processes, in order; yield each task with its result as it ends.
 
@@ -38,16 +41,16 @@ def run_on_local_processes(
 
     Args:
         tasks, plan: The logs, and what is done with each.
-        do: Function of a module that a worker calls for each log; None for `process_log`.
+        process: Function of a module that a worker calls for each log; None for `process_log`.
 
     Raises:
         OutputError: The output folder can't be written.
     """
-    if do is None:
+    if process is None:
         from cwcli.fleet.worker import process_log
 
-        do = process_log
-    workers = _WorkerPool(plan, do)
+        process = process_log
+    workers = _WorkerPool(plan, process)
     threads = ThreadPoolExecutor(jobs, thread_name_prefix="log")
     try:
         running: dict[Future[TaskResult], LogTask] = {}

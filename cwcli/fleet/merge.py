@@ -53,7 +53,7 @@ class _ShardFolder(NamedTuple):
     entries: list[JsonText]
 
 
-class _Entry(NamedTuple):
+class _EntryOfShard(NamedTuple):
     """The entry of one log, and the folder of the shard that has it."""
 
     path: Path
@@ -159,7 +159,7 @@ def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int,
     return MergeResult(len(whole), n_failed, n_copied, len(shards))
 
 
-def _write_manifest_of_pending_logs(manifest: Document, entries: dict[str, _Entry], target: Path) -> None:
+def _write_manifest_of_pending_logs(manifest: Document, entries: dict[str, _EntryOfShard], target: Path) -> None:
     """Write the manifest of a merge that has begun."""
     pending = [
         {"id": name, "source": each.source, "status": "pending", "error": None} for name, each in entries.items()
@@ -224,14 +224,14 @@ def _require_all_shards(shards: Sequence[_ShardFolder]) -> None:
         )
 
 
-def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, _Entry]:
+def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, _EntryOfShard]:
     """Return id -> entry of each log, in order of id.
 
     Raises:
         InputError: A log is not done, its id is no file name, or files or tables are not those that were written.
         UsageError: A log is in two shards with different results.
     """
-    found: dict[str, _Entry] = {}
+    found: dict[str, _EntryOfShard] = {}
     for path, manifest, texts in shards:
         if not are_tables_whole(path, manifest.get(TABLES_KEY)):
             raise InputError("tables of the run are missing or changed", where=str(path), hint=RUN_AGAIN_HINT)
@@ -253,7 +253,7 @@ def _collect_entries(shards: Sequence[_ShardFolder]) -> dict[str, _Entry]:
             _refuse_files_elsewhere(entry.get("outputs", []), folder)
             if name in found and found[name].text != text:
                 raise UsageError(f"the log {name} is in {found[name].path} and in {path}, with different results")
-            found.setdefault(name, _Entry(path, entry.get("source"), entry["status"], text))
+            found.setdefault(name, _EntryOfShard(path, entry.get("source"), entry["status"], text))
     return dict(sorted(found.items()))
 
 

@@ -234,10 +234,10 @@ class StoreFolder:
         if not changed and not self._names_of_files_no_longer_here(folder):
             return
         if entry in self._states:  # so that files of two runs never look like one
-            self._remove(entry)
-        self._send([*(name for name in changed if name != entry), entry])
+            self._remove_from_store(entry)
+        self._send_files([*(name for name in changed if name != entry), entry])
         for name in self._names_of_files_no_longer_here(folder):
-            self._remove(name)
+            self._remove_from_store(name)
         annotated = folder + ANNOTATED_LOG_NAME
         if annotated in changed:
             self._make_empty_file_of_size(annotated, self._states[annotated].n_bytes)
@@ -249,7 +249,7 @@ class StoreFolder:
         Raises:
             OutputError: The store does not take it.
         """
-        self._send([MANIFEST_NAME])
+        self._send_files([MANIFEST_NAME])
 
     def send_all(self) -> None:
         """Send all changed files, the manifest last, and remove from the store what the run has removed.
@@ -267,10 +267,10 @@ class StoreFolder:
             self.send_log(id)
         changed = self._names_of_files_changed_since_sent()
         last = [name for name in FILES_WRITTEN_LAST if name in changed]
-        self._send([name for name in changed if name not in last])
-        self._send(last)
+        self._send_files([name for name in changed if name not in last])
+        self._send_files(last)
         for name in self._names_of_files_no_longer_here(""):
-            self._remove(name)
+            self._remove_from_store(name)
 
     def _names_of_files_changed_since_sent(self) -> list[str]:
         """List the files of the working folder that the store does not have as they are, sorted."""
@@ -286,7 +286,7 @@ class StoreFolder:
         """List the files below a folder that the store has and the working folder has no longer."""
         return [name for name in self._states if name.startswith(folder) and not (self.path / name).is_file()]
 
-    def _send(self, names: list[str]) -> None:
+    def _send_files(self, names: list[str]) -> None:
         for name in names:
             state = _file_state(self.path / name)
             try:
@@ -295,7 +295,7 @@ class StoreFolder:
                 raise self._unwritable_error(name, error) from error
             self._states[name] = state
 
-    def _remove(self, name: str) -> None:
+    def _remove_from_store(self, name: str) -> None:
         try:
             self._system.rm_file(self._base + name)
         except FileNotFoundError:

@@ -117,7 +117,7 @@ def read_run_metrics(
     return RunMetrics(name, (replace(log, source=source),), is_one_log=True)
 
 
-def _metrics_of_logs_in_folder(source: str, how: _ScoringOptions, step: Callable[[str], None]) -> RunMetrics:
+def _metrics_of_logs_in_folder(source: str, scoring: _ScoringOptions, step: Callable[[str], None]) -> RunMetrics:
     found = sorted(each for each in Path(source).iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
     if not found:
         raise InputError(
@@ -129,7 +129,7 @@ def _metrics_of_logs_in_folder(source: str, how: _ScoringOptions, step: Callable
     for file in found:
         step(f"evaluating {file}")
         try:
-            logs.append(replace(_score_log(str(file), file.name, how), source=str(file)))
+            logs.append(replace(_score_log(str(file), file.name, scoring), source=str(file)))
         except UsageError:
             raise
         except CwcliError as error:
@@ -137,7 +137,9 @@ def _metrics_of_logs_in_folder(source: str, how: _ScoringOptions, step: Callable
     return RunMetrics(source, tuple(logs))
 
 
-def _iter_metrics_of_run(run: RecordedRun, how: _ScoringOptions, step: Callable[[str], None]) -> Iterator[LogMetrics]:
+def _iter_metrics_of_run(
+    run: RecordedRun, scoring: _ScoringOptions, step: Callable[[str], None]
+) -> Iterator[LogMetrics]:
     """Yield the metrics of each log of a run."""
     times = read_run_time_s_by_log(run.path)
     metrics = MetricsOfRun(run)
@@ -149,19 +151,19 @@ def _iter_metrics_of_run(run: RecordedRun, how: _ScoringOptions, step: Callable[
             found = LogMetrics(log.id, error=_error_or_not_done_text(log.entry))
         else:
             found = replace(
-                _metrics_of_log(log, log.folder, metrics, how, step), sha256=str(log.entry.get("sha256") or "")
+                _metrics_of_log(log, log.folder, metrics, scoring, step), sha256=str(log.entry.get("sha256") or "")
             )
         yield replace(found, source=str(log.entry.get("source") or ""), run_s=times.get(log.id, 0.0))
 
 
 def _metrics_of_log(
-    log: RecordedLog, folder: LogOutputs, metrics: MetricsOfRun, how: _ScoringOptions, step: Callable[[str], None]
+    log: RecordedLog, folder: LogOutputs, metrics: MetricsOfRun, scoring: _ScoringOptions, step: Callable[[str], None]
 ) -> LogMetrics:
     scores = log.entry.get(SCORES_KEY)
     scores = scores if isinstance(scores, dict) else {}
     try:
         rows = metrics.rows_of_log(folder)
-        if scores.get("truth", "auto") == how.truth and how.system is None:
+        if scores.get("truth", "auto") == scoring.truth and scoring.system is None:
             return LogMetrics(folder.id, rows, notes=tuple(str(scores.get("notes", "")).splitlines()))
     except InputError:
         if log.find_annotated_log() is None:
@@ -171,7 +173,7 @@ def _metrics_of_log(
         return LogMetrics(folder.id, error=NO_LOG_TEXT)
     step(f"evaluating {folder.id}")
     try:
-        return _score_log(annotated, folder.id, how)
+        return _score_log(annotated, folder.id, scoring)
     except UsageError:
         raise
     except CwcliError as error:
@@ -312,14 +314,14 @@ def _error_or_not_done_text(entry: dict[str, Any]) -> str:
     return f"{where}: {what}" if where else str(what)
 
 
-def _score_log(source: str, name: str, how: _ScoringOptions) -> LogMetrics:
+def _score_log(source: str, name: str, scoring: _ScoringOptions) -> LogMetrics:
     from cwcli.array_memory import bound_array_memory_and_get_old_handler
     from cwcli.evaluation.evaluate_log import evaluate_log
     from cwcli.logs.read.reader import Log
 
     bound_array_memory_and_get_old_handler()
     with Log.open(source) as log:
-        table = evaluate_log(log, truth=how.truth, system=how.system)
+        table = evaluate_log(log, truth=scoring.truth, system=scoring.system)
         return LogMetrics(name, metric_rows_by_name(table), sha256=_input_sha256(log), notes=notes_from_metadata(table))
 
 
@@ -372,20 +374,20 @@ def _texts_of_column(column: pa.ChunkedArray) -> list[str]:
     return [known.setdefault(text, text) for text in map(str, column.to_pylist())]
 
 
-def _table_from_arrow(found: pa.Table, path: Path) -> Table:
+def _table_from_arrow(arrow_table: pa.Table, path: Path) -> Table:
     """Return a table of metrics; raise `InputError` if it lacks a column or one holds something else."""
     import pyarrow as pa
 
     missing = [
         name
         for name in METRICS_TABLE_COLUMNS
-        if name not in found.column_names and name not in COLUMNS_MISSING_IN_EARLIER_VERSIONS
+        if name not in arrow_table.column_names and name not in COLUMNS_MISSING_IN_EARLIER_VERSIONS
     ]
     if missing:
         raise InputError(f"the table has no column {missing[0]}", where=str(path))
     columns: dict[str, Any] = {}
-    for name in found.column_names:
-        column = found.column(name)
+    for name in arrow_table.column_names:
+        column = arrow_table.column(name)
         is_integer = pa.types.is_integer(column.type)
         is_number = pa.types.is_floating(column.type) or is_integer
         is_count = is_integer and not column.null_count
@@ -394,6 +396,6 @@ def _table_from_arrow(found: pa.Table, path: Path) -> Table:
         columns[name] = column.to_numpy() if is_number else _texts_of_column(column)
     metadata = {
         key.decode(errors="replace"): value.decode(errors="replace")
-        for key, value in (found.schema.metadata or {}).items()
+        for key, value in (arrow_table.schema.metadata or {}).items()
     }
     return Table(metadata.pop("name", "metrics"), columns, metadata=metadata)

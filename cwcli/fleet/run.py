@@ -28,10 +28,10 @@ from cwcli.fleet.folder import (
 from cwcli.fleet.index import (
     FOLDERS_WITH_RESULTS,
     MAX_SHOWN_NAMES,
-    Index,
+    IndexOfEndedLogs,
     is_run_done_and_tables_written,
     manifest_without_logs,
-    read_index,
+    read_index_of_ended_logs,
     split_in_unchanged_and_to_read,
 )
 from cwcli.fleet.input_states import (
@@ -160,7 +160,7 @@ def _run_into_folder(
         tasks = plan.shard.select_shard_items(tasks)
     with remember_inputs(), lock_folder(folder):
         _refuse_inputs_in_output_folder(folder, tasks)
-        index = read_index(folder, force=force)
+        index = read_index_of_ended_logs(folder, force=force)
         _prepare_output_folder(folder, tasks, index, force=force)
         has_tables = are_tables_whole(folder, index.manifest.get(TABLES_KEY))
         tasks = [replace(task, has_tables=has_tables) for task in tasks]
@@ -282,7 +282,7 @@ def _refuse_inputs_in_output_folder(out: Path, tasks: Iterable[LogTask]) -> None
         raise OutputError("an input is in the folder of the results", where=name, hint="name another folder with -d")
 
 
-def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], index: Index, *, force: bool) -> None:
+def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], index: IndexOfEndedLogs, *, force: bool) -> None:
     """Remove what cancelled or forced runs left; refuse a folder with logs that this run does not name."""
     shutil.rmtree(out / SCRATCH_FOLDER, ignore_errors=True)
     if force:

@@ -102,7 +102,7 @@ def list_staged_tables(path: Path) -> list[StagedTable]:
         raise InputError(f"the tables of the log can't be read: {error}", where=str(path)) from error
 
 
-def iter_staged_tables(path: Path, wanted: Iterable[StagedTable]) -> Iterator[tuple[str, pa.Table]]:
+def iter_staged_tables(path: Path, tables: Iterable[StagedTable]) -> Iterator[tuple[str, pa.Table]]:
     """Yield name and content of tables of a file, whose pages are mapped into memory and not copied.
 
     Raises:
@@ -112,7 +112,7 @@ def iter_staged_tables(path: Path, wanted: Iterable[StagedTable]) -> Iterator[tu
 
     try:
         source = pa.memory_map(str(path))
-        for each in wanted:
+        for each in tables:
             source.seek(each.offset)
             yield each.name, pa.ipc.open_stream(source).read_all()
     except (OSError, pa.ArrowException) as error:

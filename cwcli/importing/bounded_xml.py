@@ -46,12 +46,12 @@ def iter_xml_events(path: str, wanted_tags: Collection[str]) -> Iterator[XmlTagE
                 n_quiet_bytes += len(block)
                 for event in _iter_xml_events(parser):
                     n_quiet_bytes = 0
-                    yield from tree.iter_passed(event)
+                    yield from tree.yield_event_and_drop_ended_element(event)
                 if n_quiet_bytes > MAX_BYTES_WITHOUT_TAG:
                     raise InputError(f"it has {MAX_BYTES_WITHOUT_TAG:,} bytes without an element", where=path)
             parser.close()
             for event in _iter_xml_events(parser):
-                yield from tree.iter_passed(event)
+                yield from tree.yield_event_and_drop_ended_element(event)
     except ElementTree.ParseError as error:
         raise InputError(f"the XML is damaged: {error}", where=path) from error
     except OSError as error:
@@ -76,11 +76,11 @@ class _BoundedTree:
         self._depth_of_kept: int | None = None
         self._n_held = 0
 
-    def iter_passed(self, event: XmlTagEvent) -> Iterator[XmlTagEvent]:
+    def yield_event_and_drop_ended_element(self, event: XmlTagEvent) -> Iterator[XmlTagEvent]:
         """Yield the event; behind the end of an element, take it out of the tree unless one around it is kept."""
         kind, element = event
         if kind == "start":
-            self._begin(element)
+            self._add_open_element(element)
             yield event
             return
         yield event
@@ -93,7 +93,7 @@ class _BoundedTree:
                 with suppress(ValueError):
                     self._open[-1].remove(element)
 
-    def _begin(self, element: ElementTree.Element) -> None:
+    def _add_open_element(self, element: ElementTree.Element) -> None:
         """Note an open element.
 
         Raises:

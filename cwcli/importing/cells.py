@@ -18,13 +18,13 @@ from cwcli.signals.columns import FloatArray, Int64Array
 ArrowArray = Any
 """A column of a batch: an Arrow array of n cells."""
 
-EMPTY_CELLS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "inf", "-inf", "#n/a", "?", "*")
+EMPTY_CELL_TEXTS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "inf", "-inf", "#n/a", "?", "*")
 """Texts that stand for no value, in lower case."""
 NUMBER_PATTERN = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
 """A number with a decimal point."""
-COMMA_NUMBER_PATTERN = r"^[+-]?(\d+,\d*|,\d+)([eE][+-]?\d{1,3})?$"
+DECIMAL_COMMA_PATTERN = r"^[+-]?(\d+,\d*|,\d+)([eE][+-]?\d{1,3})?$"
 """A number with a decimal comma."""
-_INSTANT_PATTERN = r"^(?P<sign>[+-]?)(?P<whole>\d{1,19})(?:[.](?P<part>\d*))?$"
+_TIME_NUMBER_PATTERN = r"^(?P<sign>[+-]?)(?P<whole>\d{1,19})(?:[.](?P<part>\d*))?$"
 """A number of time, as sign, whole units and decimals."""
 _HEMISPHERE_PATTERN = r"^(?P<a>[NSEWnsew]?)\s*(?P<number>[+-]?\d+[.]?\d*)\s*°?\s*(?P<b>[NSEWnsew]?)$"
 """A latitude or longitude with a hemisphere before or behind it."""
@@ -33,7 +33,7 @@ _DEGREES_MINUTES_PATTERN = (
     r"(?:(?P<sec>\d{1,2}(?:\.\d*)?)\s*(?:[\"\x{2033}]|'')\s*)?(?P<b>[NSEWnsew]?)$"
 )
 """A latitude or longitude in degrees, minutes and perhaps seconds: 48°08'13.2"N."""
-_UNIT_CELL_PATTERN = r"^[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d{1,3})?\s*(?P<unit>[^\d\s.,+-].*)$"
+_NUMBER_WITH_UNIT_PATTERN = r"^[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d{1,3})?\s*(?P<unit>[^\d\s.,+-].*)$"
 """A number with a text behind it."""
 N_KEPT_DECIMALS_OF_TIME = 9
 """Number of decimals of a time that are kept: nanoseconds."""
@@ -55,7 +55,7 @@ def trimmed_texts_or_null(array: ArrowArray) -> ArrowArray:
     import pyarrow.compute as pc
 
     texts = pc.utf8_trim_whitespace(array)
-    empty = pc.is_in(pc.utf8_lower(texts), value_set=pa.array(EMPTY_CELLS, texts.type))
+    empty = pc.is_in(pc.utf8_lower(texts), value_set=pa.array(EMPTY_CELL_TEXTS, texts.type))
     return pc.if_else(empty, pa.scalar(None, texts.type), texts)
 
 
@@ -66,7 +66,7 @@ def unit_behind_every_number_or_empty(array: ArrowArray) -> str:
     if not is_text_column(array):
         return ""
     texts = pc.drop_null(trimmed_texts_or_null(array))
-    found = pc.extract_regex(texts, _UNIT_CELL_PATTERN)
+    found = pc.extract_regex(texts, _NUMBER_WITH_UNIT_PATTERN)
     if not len(texts) or found.null_count:
         return ""
     units = pc.unique(pc.struct_field(found, "unit")).to_pylist()
@@ -98,7 +98,7 @@ def read_number_cells_and_count_bad(array: ArrowArray, decimal: str) -> tuple[Fl
     texts = trimmed_texts_or_null(array)
     if decimal == ",":
         texts = pc.if_else(
-            pc.match_substring_regex(texts, COMMA_NUMBER_PATTERN), pc.replace_substring(texts, ",", "."), texts
+            pc.match_substring_regex(texts, DECIMAL_COMMA_PATTERN), pc.replace_substring(texts, ",", "."), texts
         )
     try:
         return _arrow_numbers_to_floats(texts.cast(pa.float64())), 0
@@ -186,7 +186,7 @@ def read_whole_units_fraction_and_validity(
     texts = trimmed_texts_or_null(array)
     if decimal == ",":
         texts = pc.replace_substring(texts, ",", ".")
-    parts = pc.extract_regex(texts, _INSTANT_PATTERN)
+    parts = pc.extract_regex(texts, _TIME_NUMBER_PATTERN)
     whole_text = pc.struct_field(parts, "whole")
     valid = ~np.asarray(pc.is_null(whole_text))
     try:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.importing.cells import (
-    COMMA_NUMBER_PATTERN,
+    DECIMAL_COMMA_PATTERN,
     ArrowArray,
     distinct_names_and_row_indices,
     is_text_column,
@@ -111,10 +111,10 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
     return {quantity: columns for quantity, columns in found.items() if columns}
 
 
-def _drop_incomplete_axes(found: dict[str, list[str]]) -> None:
+def _drop_incomplete_axes(by_quantity: dict[str, list[str]]) -> None:
     """Leave out axes without their companions: `gx` alone, `x` without `y`; but `gz` alone may be a yaw rate."""
-    inertial = {name for name in found if found[name] and name.startswith(("gyro_", "accel_"))}
-    yaw_rate = found["gyro_z"] if inertial == {"gyro_z"} and not found.get("yaw_rate") else []
+    inertial = {name for name in by_quantity if by_quantity[name] and name.startswith(("gyro_", "accel_"))}
+    yaw_rate = by_quantity["gyro_z"] if inertial == {"gyro_z"} and not by_quantity.get("yaw_rate") else []
     for names in (
         [f"gyro_{axis}" for axis in "xyz"],
         [f"accel_{axis}" for axis in "xyz"],
@@ -122,12 +122,12 @@ def _drop_incomplete_axes(found: dict[str, list[str]]) -> None:
         ["x", "y"],
         ["velocity_east", "velocity_north"],
     ):
-        present = [name for name in names if found.get(name)]
+        present = [name for name in names if by_quantity.get(name)]
         if 0 < len(present) < len(names):
             for name in present:
-                del found[name]
+                del by_quantity[name]
     if yaw_rate:
-        found["gyro_z"] = yaw_rate
+        by_quantity["gyro_z"] = yaw_rate
 
 
 def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
@@ -340,7 +340,7 @@ def _count_commas_points_and_thousands_marks(texts: ArrowArray) -> tuple[int, in
     n_comma, n_point, n_comma_thousands, n_point_thousands = (
         int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
         for pattern in (
-            COMMA_NUMBER_PATTERN,
+            DECIMAL_COMMA_PATTERN,
             POINT_DECIMAL_PATTERN,
             COMMA_BEFORE_THREE_DIGITS_PATTERN,
             POINT_BEFORE_THREE_DIGITS_PATTERN,

@@ -30,7 +30,7 @@ MAPPING_FILE_FIRST_LINE = (
 """First line of a mapping file."""
 VALUES_BY_ANSWER = {"date_order": ("dmy", "mdy", "ymd"), "decimal": (".", ",")}
 """Answer -> all its values, where they are few."""
-_TEXT_ANSWERS = tuple(field.name for field in fields(Answers) if field.name not in {"columns", "dbc"})
+_TEXT_ANSWER_NAMES = tuple(field.name for field in fields(Answers) if field.name not in {"columns", "dbc"})
 
 
 def parse_table_quantity_and_column_unit(text: str) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -78,15 +78,15 @@ def read_mapping(path: str) -> Answers:
     for key, value in answers.items():
         if key == "dbc" and isinstance(value, list):
             values["dbc"] = tuple(str(each) for each in value)
-        elif key in _TEXT_ANSWERS and isinstance(value, str) and value not in VALUES_BY_ANSWER.get(key, (value,)):
+        elif key in _TEXT_ANSWER_NAMES and isinstance(value, str) and value not in VALUES_BY_ANSWER.get(key, (value,)):
             raise UsageError(f"answers.{key}: {value!r} is none of {', '.join(VALUES_BY_ANSWER[key])}", where=path)
-        elif key in _TEXT_ANSWERS and isinstance(value, str):
+        elif key in _TEXT_ANSWER_NAMES and isinstance(value, str):
             values[key] = value
         else:
             raise UsageError(
                 f"answers.{key}: there is no such answer",
                 where=path,
-                hint=hint_at_closest_or_all_known_names(key, (*_TEXT_ANSWERS, "dbc")),
+                hint=hint_at_closest_or_all_known_names(key, (*_TEXT_ANSWER_NAMES, "dbc")),
             )
     columns: dict[tuple[str, str], tuple[str, str]] = {}
     for table in tables:
@@ -113,10 +113,10 @@ def _parse_columns_to_column_and_unit(table: Any, path: str) -> dict[tuple[str, 
     return found
 
 
-def merge_answers(base: Answers, more: Answers) -> Answers:
+def merge_answers(base: Answers, later: Answers) -> Answers:
     """Return answers of a mapping file with those of the options, which win."""
-    answer_by_name = {field.name: getattr(more, field.name) for field in fields(Answers) if getattr(more, field.name)}
-    answer_by_name["columns"] = {**base.columns, **more.columns}
+    answer_by_name = {field.name: getattr(later, field.name) for field in fields(Answers) if getattr(later, field.name)}
+    answer_by_name["columns"] = {**base.columns, **later.columns}
     return replace(base, **answer_by_name)
 
 
@@ -127,7 +127,7 @@ def format_mapping(answers: Answers, tables: Sequence[tuple[str, Sequence[Guess]
         tables: Name of each table, and its guesses.
     """
     lines = [MAPPING_FILE_FIRST_LINE]
-    said = {name: getattr(answers, name) for name in _TEXT_ANSWERS if getattr(answers, name)}
+    said = {name: getattr(answers, name) for name in _TEXT_ANSWER_NAMES if getattr(answers, name)}
     if said or answers.dbc:
         lines.append("[answers]")
         lines += [f"{name} = {_toml_string(value)}" for name, value in said.items()]

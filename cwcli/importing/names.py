@@ -28,7 +28,7 @@ class Quantity:
     qualifiers: frozenset[str] = frozenset()
 
 
-def _quantity(kind: str, nouns: str, *qualifiers: str) -> Quantity:
+def _quantity_from_words(kind: str, nouns: str, *qualifiers: str) -> Quantity:
     """Return a quantity by its words in texts."""
     return Quantity(kind, frozenset(nouns.split()), frozenset(" ".join(qualifiers).split()))
 
@@ -52,7 +52,7 @@ _WORDS_BESIDE_IMU = (
 )
 
 QUANTITIES: dict[str, Quantity] = {
-    "time": _quantity(
+    "time": _quantity_from_words(
         "time",
         (
             "time times timestamp timestamps tst timestep stamp t datetime epoch clock zeit zeitstempel tijd "
@@ -62,15 +62,15 @@ QUANTITIES: dict[str, Quantity] = {
         _WORDS_BESIDE_TIME,
         "time stamp timestamp week of day seconds second millis nanos uhrzeit",
     ),
-    "date": _quantity("text", "date datum day fecha data dato", "utc gps gmt local"),
-    "week": _quantity("number", "week wn wnc gpsweek weekno", "gps gnss number no num"),
-    "latitude": _quantity(
+    "date": _quantity_from_words("text", "date datum day fecha data dato", "utc gps gmt local"),
+    "week": _quantity_from_words("number", "week wn wnc gpsweek weekno", "gps gnss number no num"),
+    "latitude": _quantity_from_words(
         "place",
         "latitude lat latitud latitudine breite breitengrad breedtegraad bredde breddegrad",
         _RECEIVER_WORDS,
         "n s ns",
     ),
-    "longitude": _quantity(
+    "longitude": _quantity_from_words(
         "place",
         (
             "longitude longtitude lon lng long longitud longitudine länge laenge längengrad laengengrad lengtegraad "
@@ -79,15 +79,15 @@ QUANTITIES: dict[str, Quantity] = {
         _RECEIVER_WORDS,
         "e w ew",
     ),
-    "latitude_half": _quantity("text", "ns latdir lathem", _RECEIVER_WORDS, "indicator hemisphere"),
-    "longitude_half": _quantity("text", "ew londir lonhem longdir", _RECEIVER_WORDS, "indicator hemisphere"),
-    "altitude": _quantity(
+    "latitude_half": _quantity_from_words("text", "ns latdir lathem", _RECEIVER_WORDS, "indicator hemisphere"),
+    "longitude_half": _quantity_from_words("text", "ew londir lonhem longdir", _RECEIVER_WORDS, "indicator hemisphere"),
+    "altitude": _quantity_from_words(
         "length",
         "altitude alt height elevation ele hmsl höhe hoehe hoogte altura altitud altitudine quota hauteur",
         _RECEIVER_WORDS,
         "msl above sea level ellipsoid ellipsoidal wgs hae mean asl amsl ü über nn nhn normalnull",
     ),
-    "speed": _quantity(
+    "speed": _quantity_from_words(
         "speed",
         (
             "speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad velocidade velocità "
@@ -97,43 +97,43 @@ QUANTITIES: dict[str, Quantity] = {
         _CAR_WORDS,
         "over ground 2d horizontal horiz h forward longitudinal long linear",
     ),
-    "velocity_east": _quantity("speed", "vele ve veast", _RECEIVER_WORDS),
-    "velocity_north": _quantity("speed", "veln vn vnorth", _RECEIVER_WORDS),
-    "course": _quantity(
+    "velocity_east": _quantity_from_words("speed", "vele ve veast", _RECEIVER_WORDS),
+    "velocity_north": _quantity_from_words("speed", "veln vn vnorth", _RECEIVER_WORDS),
+    "course": _quantity_from_words(
         "angle",
         "course cog bearing headmot direction richtung kurs cmg cap rumbo rumo koers direzione rotta dirección",
         _RECEIVER_WORDS,
         "over ground track true motion of",
     ),
-    "heading": _quantity(
+    "heading": _quantity_from_words(
         "angle",
         "heading hdg yaw azimuth psi headveh",
         _RECEIVER_WORDS,
         _CAR_WORDS,
         "true angle compass orientation north attitude of motion euler ins imu",
     ),
-    "yaw_rate": _quantity("turn rate", "yawrate yawrt gierrate yawvel", _CAR_WORDS, _RECEIVER_WORDS, "imu"),
-    "steering": _quantity(
+    "yaw_rate": _quantity_from_words("turn rate", "yawrate yawrt gierrate yawvel", _CAR_WORDS, _RECEIVER_WORDS, "imu"),
+    "steering": _quantity_from_words(
         "angle", "steering steer lenkwinkel steeringangle", _CAR_WORDS, "angle wheel road tire tyre front"
     ),
     **{
-        f"accel_{axis}": _quantity(
+        f"accel_{axis}": _quantity_from_words(
             "acceleration", f"{_AXIS_NOUNS_OF_ACCEL} acc{axis} accel{axis} a{axis} gf{axis}", _WORDS_BESIDE_IMU
         )
         for axis in "xyz"
     },
     **{
-        f"gyro_{axis}": _quantity(
+        f"gyro_{axis}": _quantity_from_words(
             "turn rate", f"{_AXIS_NOUNS_OF_GYRO} gyro{axis} gyr{axis} g{axis} w{axis}", _WORDS_BESIDE_IMU
         )
         for axis in "xyz"
     },
-    **{f"quaternion_{axis}": _quantity("number", f"q{axis}") for axis in "xyzw"},
-    "x": _quantity("length", "x easting east xeast utmx posx positionx px tx", _WORDS_BESIDE_PLACE),
-    "y": _quantity("length", "y northing north ynorth utmy posy positiony py ty", _WORDS_BESIDE_PLACE),
-    "z": _quantity("length", "z posz positionz pz tz", _WORDS_BESIDE_PLACE),
+    **{f"quaternion_{axis}": _quantity_from_words("number", f"q{axis}") for axis in "xyzw"},
+    "x": _quantity_from_words("length", "x easting east xeast utmx posx positionx px tx", _WORDS_BESIDE_PLACE),
+    "y": _quantity_from_words("length", "y northing north ynorth utmy posy positiony py ty", _WORDS_BESIDE_PLACE),
+    "z": _quantity_from_words("length", "z posz positionz pz tz", _WORDS_BESIDE_PLACE),
     **{
-        part: _quantity("number", nouns, "utc gps gmt local")
+        part: _quantity_from_words("number", nouns, "utc gps gmt local")
         for part, nouns in {
             "year": "year yyyy jahr",
             "month": "month mon monat",
@@ -145,8 +145,8 @@ QUANTITIES: dict[str, Quantity] = {
             "nanosecond": "nano nanosecond",
         }.items()
     },
-    "vehicle_id": _quantity("text", "id", "vehicle veh car track object device trip station agent obj"),
-    "fix": _quantity("number", "fix fixtype quality fixquality", "gps gnss type quality status"),
+    "vehicle_id": _quantity_from_words("text", "id", "vehicle veh car track object device trip station agent obj"),
+    "fix": _quantity_from_words("number", "fix fixtype quality fixquality", "gps gnss type quality status"),
 }
 """Name of a quantity -> what a column of it can be called, and the kind of its unit."""
 

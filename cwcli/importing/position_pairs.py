@@ -41,7 +41,7 @@ def with_columns_of_position_pairs(table: SourceTable) -> SourceTable:
     for column, array in batch.items():
         found = _pattern_of_pairs(column, array) if is_text_column(array) else None
         if found is not None:
-            return _split_column(table, column, *found)
+            return _split_column_of_position_pairs(table, column, *found)
     return table
 
 
@@ -59,7 +59,7 @@ def _pattern_of_pairs(column: str, array: Any) -> tuple[str, str] | None:
     return None
 
 
-def _split_column(table: SourceTable, column: str, why: str, pattern: str) -> SourceTable:
+def _split_column_of_position_pairs(table: SourceTable, column: str, why: str, pattern: str) -> SourceTable:
     names = {f"{column} (latitude)": "lat", f"{column} (longitude)": "lon"}
 
     def read_column_batches(wanted: Sequence[str]) -> Iterator[ColumnsOfRows]:

@@ -25,7 +25,7 @@ from cwcli.importing.motion import TrackSpans
 from cwcli.importing.names import QUANTITIES
 from cwcli.importing.places import find_positions_and_track, keep_rows_of_one_vehicle
 from cwcli.importing.poses import rotate_poses_into_car_axes
-from cwcli.importing.readers import find_kind, load_kind
+from cwcli.importing.readers import find_kind_name, load_kind
 from cwcli.importing.readers.base import FileHead, Recording
 from cwcli.importing.readers.trajectory import is_one_number_per_line
 from cwcli.importing.speeds import find_headings, find_speed_and_unit, find_velocity, find_yaw_rate
@@ -94,7 +94,7 @@ def plan_import(files: Sequence[str], answers: Answers) -> ImportPlan:
         MissingSignalError: Nothing in the files is a quantity; an `AmbiguousError` asks what only the user knows.
     """
     files, answers = _split_files_and_helping_answers(files, answers)
-    kinds = {path: find_kind(path) for path in files}
+    kinds = {path: find_kind_name(path) for path in files}
     tables: list[SourceTable] = []
     recordings: list[Recording] = []
     for path, kind in kinds.items():

@@ -22,7 +22,7 @@ from cwcli.importing.tables import Guess, UnitChoice
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.signals.columns import FloatArray
 
-SPEED_UNITS = ("mps", "kmh", "mph", "knots", "cmps", "mmps")
+CANDIDATE_SPEED_UNITS = ("mps", "kmh", "mph", "knots", "cmps", "mmps")
 """Units that a speed without one can have."""
 MAX_LOG_RATIO_OF_STATED_SPEED = 0.25
 """Largest natural logarithm of the ratio of a speed in its stated unit to the speed over ground, above which is asked.
@@ -113,7 +113,7 @@ def _choose_speed_unit_or_ask(
     ratio = speed_units_per_mps(track, meaning.stamp_ns, values)
     fitting = [
         each
-        for each in SPEED_UNITS
+        for each in CANDIDATE_SPEED_UNITS
         if ratio > 0 and abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["speed"][each])) < SPEED_RATIO_LOG_TOLERANCE
     ]
     if unit:

@@ -51,7 +51,9 @@ MAX_PART_CHANGES_PER_STEP_BACK = 4
 block, makes three."""
 MAX_GPS_WEEK = 11_000
 """Greatest week since the GPS epoch that is accepted, in the year 2190. Chosen by hand."""
-CLOCK_WORDS = frozenset({"unix", "posix", "epoch", "utc", "gmt", "ros", "system", "sys", "device", "phone"})
+WORDS_OF_TIME_SINCE_1970 = frozenset(
+    {"unix", "posix", "epoch", "utc", "gmt", "ros", "system", "sys", "device", "phone"}
+)
 """Words in a column's name that say that its seconds count from 1970, not from the GPS epoch."""
 DATE_PART_QUANTITIES = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
@@ -381,7 +383,7 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     guess = Guess("time", column, base.unit, base.confidence, base.why)
     says_epoch = (
         preset is not None
-        or bool(CLOCK_WORDS & {*words, unit_text})
+        or bool(WORDS_OF_TIME_SINCE_1970 & {*words, unit_text})
         or bool(column_and_unit and "-" in column_and_unit[1])
     )
     choices = _choices_of_number_time(column, base, unit, may_be_gps=not says_epoch and can_be_gps_seconds(instants))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cwcli.errors import InputError
 from cwcli.importing.bounded_import import import_files
-from cwcli.importing.readers import find_kind
+from cwcli.importing.readers import find_kind_name
 from cwcli.importing.tables import AmbiguousError, Answers
 from cwcli.input import InputFile
 from cwcli.logs.read.converted import ConvertedFile
@@ -23,7 +23,7 @@ def import_to_temporary_log(path: str) -> ConvertedFile | None:
         CwcliError: It is of a known kind and can't be imported.
     """
     try:
-        kind = find_kind(path)
+        kind = find_kind_name(path)
     except InputError:
         return None
     try:

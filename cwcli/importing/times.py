@@ -47,27 +47,27 @@ MIN_SHARE_OF_YEAR_MONTH_DAY_DATES = 0.9
 Chosen by hand."""
 DATE_ORDERS = {"ymd": ("y", "m", "d"), "dmy": ("d", "m", "y"), "mdy": ("m", "d", "y")}
 """Order of a date by its name."""
-_CLOCK = (
+_CLOCK_REGEX = (
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,:](?P<part>\d{1,9}))?)?"
     r"\s*(?P<half>[AaPp]\.?[Mm]\.?)?"
 )
 _UTC_OFFSET_PATTERN = r"(?:UTC|GMT)?[+-]\d{2}:?\d{2}|(?:UTC|GMT)?[+-]\d{2}"
-_ZONE = rf"\s*(?P<zone>Z|z|{_UTC_OFFSET_PATTERN}|UTC|GMT)?"
+_ZONE_REGEX = rf"\s*(?P<zone>Z|z|{_UTC_OFFSET_PATTERN}|UTC|GMT)?"
 DATE_PATTERN = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})[-/.](?P<c>\d{1,4})"
-DATETIME_PATTERN = rf"^{DATE_PATTERN}[T\s,]+{_CLOCK}{_ZONE}$"
+DATETIME_PATTERN = rf"^{DATE_PATTERN}[T\s,]+{_CLOCK_REGEX}{_ZONE_REGEX}$"
 """A date with a time of day."""
-CLOCK_PATTERN = rf"^{_CLOCK}{_ZONE}$"
+CLOCK_PATTERN = rf"^{_CLOCK_REGEX}{_ZONE_REGEX}$"
 """A time of day."""
 ONLY_DATE_PATTERN = rf"^{DATE_PATTERN}$"
 """The pattern of a date without a time of day."""
 UNIX_DATE_PATTERN = (
-    rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK} "
+    rf"^[A-Za-z]{{3}} (?P<b>\d{{1,2}}) +(?P<a>\d{{1,2}}) {_CLOCK_REGEX} "
     rf"(?P<zone>{_UTC_OFFSET_PATTERN}|UTC|GMT|Z) (?P<c>\d{{4}})$"
 )
 """A date as Unix writes it, with the month as a number: `Tue 11 14 22:13:20 GMT 2023`."""
 JOINED_DATETIME_PATTERN = (
     r"^(?P<a>(?:19|20)\d{2})[-_:.]?(?P<b>[01]\d)[-_:.]?(?P<c>[0-3]\d)[T_ -]?"
-    rf"(?P<hour>[0-2]\d)[-_:.]?(?P<minute>[0-5]\d)[-_:.]?(?P<second>[0-6]\d)(?:[-_:.,](?P<part>\d{{1,9}}))?{_ZONE}$"
+    rf"(?P<hour>[0-2]\d)[-_:.]?(?P<minute>[0-5]\d)[-_:.]?(?P<second>[0-6]\d)(?:[-_:.,](?P<part>\d{{1,9}}))?{_ZONE_REGEX}$"
 )
 """A date with a time of day that begins with the year, with other marks between the parts or none:
 `20231114T221320.100Z`, `2023:11:14 22:13:20`, `2023-11-14_22-13-20-100`."""
@@ -217,16 +217,16 @@ def parse_text_times(array: ArrowArray) -> TextTimes | None:
     return best
 
 
-def _text_times_of_column_matches(found: Any) -> TextTimes:
+def _text_times_of_column_matches(matches: Any) -> TextTimes:
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    names = {found.type.field(k).name for k in range(found.type.num_fields)}
-    n = len(found)
-    valid = ~np.asarray(pc.is_null(found))
+    names = {matches.type.field(k).name for k in range(matches.type.num_fields)}
+    n = len(matches)
+    valid = ~np.asarray(pc.is_null(matches))
 
     def text_parts(name: str) -> Any:
-        return pc.struct_field(found, name).fill_null("") if name in names else pa.array([""] * n)
+        return pc.struct_field(matches, name).fill_null("") if name in names else pa.array([""] * n)
 
     def integer_parts(name: str, filler: str = "0") -> Int64Array:
         column = text_parts(name)

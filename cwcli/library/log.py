@@ -125,7 +125,7 @@ class Log:
                 skip=rules.skip,
                 strict=rules.strict,
                 choice=rules.choice,
-                step=progress or _show_no_step,
+                step=progress or _ignore_step_name,
             )
         for file in self._log.file.disk_files:
             file.check_unchanged()
@@ -256,5 +256,5 @@ def role_options_with_dbc_files(topics: Mapping[str, str], dbc: Iterable[str]) -
     return [*named, *merge_mapping_options(fields, files, "topics:")]
 
 
-def _show_no_step(text: str) -> None:
+def _ignore_step_name(text: str) -> None:
     """Take the name of a step and show nothing."""

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from cwcli.pipeline.channel_choice import ChannelChoice
     from cwcli.pipeline.execute import RunOutcome
 
-WHOLE_LOG = Selection()
+WHOLE_LOG_SELECTION = Selection()
 """The selection of every message."""
 
 
@@ -132,7 +132,7 @@ class Result:
             UsageError: The log is closed, and the channel is in its file.
         """
         self._require_in_memory_or_open(topic)
-        return arrow_table_of_topic(self.annotated, topic, WHOLE_LOG)
+        return arrow_table_of_topic(self.annotated, topic, WHOLE_LOG_SELECTION)
 
     def save(
         self,
@@ -181,7 +181,7 @@ class Result:
         self._require_in_memory_or_open(channel.topic)
         its_stage = {each.topic for each in PUBLISHED_CHANNELS if each.stage == channel.stage}
         was_tried = channel.stage in (*self.stages, *self.left_out) or not its_stage.isdisjoint(self.topics)
-        return arrow_table_of_result(self.annotated, channel, WHOLE_LOG, may_be_empty=or_empty and was_tried)
+        return arrow_table_of_result(self.annotated, channel, WHOLE_LOG_SELECTION, may_be_empty=or_empty and was_tried)
 
     def _require_in_memory_or_open(self, topic: str) -> None:
         """Raise `UsageError` if a channel lies in the file of a log that is closed."""

@@ -75,23 +75,23 @@ def project_vectors_on_four_edge_directions(
     return np.stack([along_m, left_m, along_m * cos_turn + left_m * sin_turn, left_m * cos_turn - along_m * sin_turn])
 
 
-def straight_contact_time_s(at: EdgeProjections) -> FloatArray:
+def straight_contact_time_s(edges: EdgeProjections) -> FloatArray:
     """Seconds until contact at constant velocities, (m,): 0 in contact, infinity if never."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1.0 / np.where(np.abs(at.speed_mps) < 1e-9, 0.0, at.speed_mps)
-        one, two = (-at.reach_m - at.centre_m) * inverse, (at.reach_m - at.centre_m) * inverse
+        inverse = 1.0 / np.where(np.abs(edges.speed_mps) < 1e-9, 0.0, edges.speed_mps)
+        one, two = (-edges.reach_m - edges.centre_m) * inverse, (edges.reach_m - edges.centre_m) * inverse
     # 0 times infinity: touching on a direction along which nothing moves, which bounds no time
     begin = np.maximum(np.fmin(one, two).max(axis=0, initial=0.0), 0.0)
     return np.where(begin <= np.fmax(one, two).min(axis=0), begin, np.inf)
 
 
-def accelerated_contact_time_s(at: EdgeProjections, ax_mps2: FloatArray, ay_mps2: FloatArray) -> FloatArray:
+def accelerated_contact_time_s(edges: EdgeProjections, ax_mps2: FloatArray, ay_mps2: FloatArray) -> FloatArray:
     """Seconds until contact at constant relative acceleration along the host's axes, (m,): infinity if never."""
     ax_mps2, ay_mps2 = np.broadcast_arrays(ax_mps2, ay_mps2)
-    shape = at.centre_m.shape
-    bend = project_vectors_on_four_edge_directions(ax_mps2, ay_mps2, at.cos_turn, at.sin_turn)
+    shape = edges.centre_m.shape
+    bend = project_vectors_on_four_edge_directions(ax_mps2, ay_mps2, edges.cos_turn, edges.sin_turn)
     centre, speed, reach, bend = (
         np.ascontiguousarray(np.broadcast_to(each if each.ndim == len(shape) else each[:, None], shape)).reshape(4, -1)
-        for each in (at.centre_m, at.speed_mps, at.reach_m, bend)
+        for each in (edges.centre_m, edges.speed_mps, edges.reach_m, bend)
     )
     return accelerated_contact_time(centre, speed, reach, bend).reshape(shape[1:])

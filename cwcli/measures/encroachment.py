@@ -85,11 +85,11 @@ def _grid_rows_of_least_lag(pair: Pair) -> FloatArray:
     poses = pair.compute_once(_poses_on_grid)
     n = poses.shape[1]
     n_lags = min(round(MAX_SEARCHED_LAG_S / LAG_SEARCH_STEP_S), n - 1) + 1 if n > 1 else 0
-    mine, them = rows_of_least_lag(poses, pair.host_size, pair.other_size, _centre_reach_m(pair), n_lags)
+    mine, them = rows_of_least_lag(poses, pair.host_size, pair.other_size, _max_overlap_distance_m(pair), n_lags)
     return np.array([mine, them], np.float64) if mine >= 0 else np.zeros(0)
 
 
-def _centre_reach_m(pair: Pair) -> float:
+def _max_overlap_distance_m(pair: Pair) -> float:
     """The distance of the centres, m, beyond which the outlines do not overlap."""
     return float(0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size)))
 
@@ -123,7 +123,7 @@ def _host_and_other_rows_overlapping_at_lag(
     mine, them = max(-lag, 0), max(lag, 0)
     own, theirs = poses[:4, mine : mine + n], poses[4:, them : them + n]
     dx, dy = theirs[0] - own[0], theirs[1] - own[1]
-    rows = np.flatnonzero(dx * dx + dy * dy <= _centre_reach_m(pair) ** 2)
+    rows = np.flatnonzero(dx * dx + dy * dy <= _max_overlap_distance_m(pair) ** 2)
     for (length, width), (to_length, to_width), side in (
         (pair.host_size, pair.other_size, own),
         (pair.other_size, pair.host_size, theirs),

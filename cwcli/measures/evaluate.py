@@ -123,19 +123,22 @@ def stamps_of_extremes_with_sigma(measured: MeasuredPair, measures: Mapping[str,
 
 
 def add_sigmas_to_extremes(
-    measured: MeasuredPair, at: Pair, measures: Mapping[str, Measure], covariances: tuple[FloatArray, FloatArray]
+    measured: MeasuredPair,
+    extreme_pair: Pair,
+    measures: Mapping[str, Measure],
+    covariances: tuple[FloatArray, FloatArray],
 ) -> MeasuredPair:
     """Add the sigmas of the extremes to a measured pair.
 
     Args:
-        at: The pair at the `moments`.
+        extreme_pair: The pair at the `moments`.
         covariances: Covariances of the host's and the other's states at the moments, (r, 8, 8) each.
     """
     measures_with_sigma = {
         each.measure: measures[each.measure] for each in measured.extremes if _can_have_sigma(each, measures)
     }
-    sigmas = sigmas_of_measures(at, covariances, measures_with_sigma)
-    row = {stamp_ns: k for k, stamp_ns in enumerate(at.stamp_ns.tolist())}
+    sigmas = sigmas_of_measures(extreme_pair, covariances, measures_with_sigma)
+    row = {stamp_ns: k for k, stamp_ns in enumerate(extreme_pair.stamp_ns.tolist())}
     extremes = tuple(
         replace(each, sigma=float(sigmas[each.measure][row[each.stamp_ns]]))
         if _can_have_sigma(each, measures)

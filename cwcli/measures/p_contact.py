@@ -46,7 +46,7 @@ def contact_probability_within_horizon(pair: Pair) -> RatiosAtStamps:
         variance = (spread + to_spread)[..., [0, 2]].sum(axis=2).max(axis=1)
         values = np.where(np.isnan(variance), np.nan, 0.0)
         with np.errstate(invalid="ignore"):
-            far = is_touch_improbable(_least_distance_m(dx, dy), variance, pair.host_size, pair.other_size)
+            far = is_touch_improbable(_centre_distance_lower_bound_m(dx, dy), variance, pair.host_size, pair.other_size)
         at = np.flatnonzero(~far & ~np.isnan(variance))
         host = UncertainPaths(heading[at], spread[at], pair.host_size)
         other = UncertainPaths(to_heading[at], to_spread[at], pair.other_size)
@@ -98,7 +98,7 @@ def _cumulative_sum_from_zero(steps: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
-def _least_distance_m(dx: FloatArray, dy: FloatArray) -> FloatArray:
+def _centre_distance_lower_bound_m(dx: FloatArray, dy: FloatArray) -> FloatArray:
     """A lower bound of the distance of the centres along the paths, m, (m,): between points they may come nearer."""
     between = np.hypot(np.diff(dx, axis=1), np.diff(dy, axis=1)).max(axis=1)
     return np.asarray(np.hypot(dx, dy).min(axis=1) - 0.5 * between)

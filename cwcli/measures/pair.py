@@ -199,16 +199,16 @@ class Pair:
         return out
 
 
-def compute_relative_motion(own: FloatArray, theirs: FloatArray) -> RelativeMotion:
+def compute_relative_motion(host: FloatArray, other: FloatArray) -> RelativeMotion:
     """Compute the relative motion of two vehicles from their x, y, speed, heading, (m, 4) each."""
-    cos_host, sin_host, cos_other, sin_other = (f(each[:, 3]) for each in (own, theirs) for f in (np.cos, np.sin))
+    cos_host, sin_host, cos_other, sin_other = (f(each[:, 3]) for each in (host, other) for f in (np.cos, np.sin))
     return RelativeMotion(
-        dx_m=theirs[:, 0] - own[:, 0],
-        dy_m=theirs[:, 1] - own[:, 1],
-        dvx_mps=theirs[:, 2] * cos_other - own[:, 2] * cos_host,
-        dvy_mps=theirs[:, 2] * sin_other - own[:, 2] * sin_host,
-        host_heading_rad=own[:, 3],
-        other_heading_rad=theirs[:, 3],
+        dx_m=other[:, 0] - host[:, 0],
+        dy_m=other[:, 1] - host[:, 1],
+        dvx_mps=other[:, 2] * cos_other - host[:, 2] * cos_host,
+        dvy_mps=other[:, 2] * sin_other - host[:, 2] * sin_host,
+        host_heading_rad=host[:, 3],
+        other_heading_rad=other[:, 3],
         host_direction=(cos_host, sin_host),
         other_direction=(cos_other, sin_other),
     )

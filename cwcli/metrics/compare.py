@@ -143,12 +143,12 @@ def compare_runs(
     ids = [name for name in before if name in after]
     pairs = [(before[name], after[name]) for name in ids]
     names = metric_names([*(log for pair in pairs for log in pair)])
-    effects = [_measure_effect(name, pairs, tolerance) for name in names]
-    is_tested = np.array([effect.is_tested for effect in effects], dtype=bool)
+    effects = [_metric_changes_of_pairs(name, pairs, tolerance) for name in names]
+    takes_part_in_tests = np.array([effect.takes_part_in_tests for effect in effects], dtype=bool)
     p = np.full(len(effects), np.nan)
-    if is_tested.any():
-        p[is_tested] = _adjust_p_values_holm(
-            _sign_flip_p_values(np.column_stack([e.changes for e in effects if e.is_tested]), seed)
+    if takes_part_in_tests.any():
+        p[takes_part_in_tests] = _adjust_p_values_holm(
+            _sign_flip_p_values(np.column_stack([e.changes for e in effects if e.takes_part_in_tests]), seed)
         )
     drawn = bootstrap_draw_counts(len(pairs), seed) if len(pairs) >= MIN_LOGS_FOR_BOOTSTRAP else None
     tried = {log.id for log in candidate}
@@ -165,7 +165,7 @@ def compare_runs(
 
 
 @dataclass(frozen=True)
-class _MetricEffect:
+class _PairedChanges:
     """The changes of one metric: (n,) over all pairs, NaN where a run has no value; positive: the value grew.
 
     For a metric with a target positive means: farther from it.
@@ -197,12 +197,14 @@ class _MetricEffect:
         return change_of_pooled_value * mean < 0.0 and abs(change_of_pooled_value) > self.tolerance
 
     @property
-    def is_tested(self) -> bool:
+    def takes_part_in_tests(self) -> bool:
         """Whether it takes part in the tests: it is a headline metric, has a better side, and differs somewhere."""
         return self.metric is not None and self.metric.is_compared and bool(self.finite_changes.any())
 
 
-def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], tolerance: float) -> _MetricEffect:
+def _metric_changes_of_pairs(
+    name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], tolerance: float
+) -> _PairedChanges:
     """Return the changes of one metric over all pairs of logs."""
     metric = find_metric(name)
     before = np.array([a.metric_value(name) for a, _ in pairs])
@@ -215,7 +217,7 @@ def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], t
         changes[known], is_relative, limit = _changes_whether_relative_and_tolerance(
             metric, before[known], after[known], rows, tolerance
         )
-    return _MetricEffect(
+    return _PairedChanges(
         name,
         metric,
         rows,
@@ -269,7 +271,7 @@ def _adjust_p_values_holm(p: FloatArray) -> FloatArray:
     return out
 
 
-def _judge_metric_change(effect: _MetricEffect, p: float, drawn: UInt16Array | None, *, exact: bool) -> MetricChange:
+def _judge_metric_change(effect: _PairedChanges, p: float, drawn: UInt16Array | None, *, exact: bool) -> MetricChange:
     """Return the change of one metric with its interval and verdict."""
     known = effect.finite_changes
     mean = float(known.mean()) if len(known) else math.nan
@@ -314,7 +316,7 @@ def _bootstrap_interval_of_mean(changes: FloatArray, draw_counts: UInt16Array | 
 
 
 def _decide_verdict(
-    effect: _MetricEffect, mean: float, low: float, high: float, p: float, *, exact: bool
+    effect: _PairedChanges, mean: float, low: float, high: float, p: float, *, exact: bool
 ) -> ChangeVerdict:
     """Return the verdict from the mean change, its interval (low, high) and the adjusted p-value."""
     metric, limit = effect.metric, effect.tolerance

@@ -34,9 +34,9 @@ GATE_FUNCTIONS = ("mean", "median", "min", "max", "sum", "pooled")
 GATE_EXAMPLE = "for example 'ego.position_rmse_m < 0.5 and pooled(warnings.recall) >= 0.9'"
 """A valid gate, which the hints of syntax errors show."""
 
-_TOKEN = re.compile(rf"\s*(?:{NUMBER_PATTERN}%?)|(?P<name>[A-Za-z*][A-Za-z0-9_.*-]*)|{SIGN_PATTERN})")
+_TOKEN_PATTERN = re.compile(rf"\s*(?:{NUMBER_PATTERN}%?)|(?P<name>[A-Za-z*][A-Za-z0-9_.*-]*)|{SIGN_PATTERN})")
 """Pattern of one token, a number, a name or a sign, after any white space."""
-_PERCENTILE = re.compile(r"p(\d{1,2})")
+_PERCENTILE_PATTERN = re.compile(r"p(\d{1,2})")
 """Pattern of the functions for percentiles: `p` and one or two digits."""
 
 
@@ -90,7 +90,7 @@ def parse_gate(text: str) -> Node:
 
 def metric_names_in_gate(text: str) -> tuple[str, ...]:
     """Return every name in a gate, also its functions and words; () if it is no gate, which checking it will say."""
-    return tuple(token["name"] for token in _TOKEN.finditer(text) if token["name"])
+    return tuple(token["name"] for token in _TOKEN_PATTERN.finditer(text) if token["name"])
 
 
 def needs_single_log(node: Node | Operand) -> bool:
@@ -105,7 +105,7 @@ def needs_single_log(node: Node | Operand) -> bool:
 class _Parser(ConditionParser):
     """The parser of the grammar above."""
 
-    what, example, token = "a gate", GATE_EXAMPLE, _TOKEN
+    what, example, token = "a gate", GATE_EXAMPLE, _TOKEN_PATTERN
 
     def parse_whole_gate(self) -> Node:
         """Parse `gate` up to the end of the text."""
@@ -143,7 +143,7 @@ class _Parser(ConditionParser):
             return Name(text)
         if text == "share":
             return Share(self._parse_gate_of_single_logs())
-        if text not in GATE_FUNCTIONS and not _PERCENTILE.fullmatch(text):
+        if text not in GATE_FUNCTIONS and not _PERCENTILE_PATTERN.fullmatch(text):
             known = (*GATE_FUNCTIONS, "p95", "share", "any", "all")
             raise UsageError(
                 f"a gate has no function {text}", hint=hint_at_closest_or_all_known_names(text, known, "known")
@@ -171,5 +171,5 @@ class _Parser(ConditionParser):
 
 def percentile_of_function(function: str) -> float | None:
     """Return the percentile that a function such as `p95` computes; None for another function."""
-    match = _PERCENTILE.fullmatch(function)
+    match = _PERCENTILE_PATTERN.fullmatch(function)
     return float(match[1]) if match else None

@@ -32,7 +32,7 @@ from cwcli.metrics.pooling import LogMetrics, metric_names, pool_metric_value
 from cwcli.signals.field_condition import COMPARISONS_BY_SIGN
 from cwcli.text import format_number
 
-_AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
+_FUNCTION_BY_AGGREGATE_NAME: dict[str, Callable[[Sequence[float]], float]] = {
     "mean": lambda values: math.fsum(values) / len(values),
     "median": lambda values: float(np.median(values)),
     "min": min,
@@ -95,7 +95,7 @@ class GateResult:
 
 
 @dataclass(frozen=True)
-class _Answer:
+class _ExplainedTruth:
     """The truth value of a node (None: unknown), and words that explain it."""
 
     holds: bool | None
@@ -148,25 +148,25 @@ class _GateEvaluator:
             status = CheckStatus.SKIPPED
         return GateCheck(log.id if log else "", status, "; ".join(dict.fromkeys(answer.words)))
 
-    def _evaluate_node(self, node: Node, log: LogMetrics | None) -> _Answer:
+    def _evaluate_node(self, node: Node, log: LogMetrics | None) -> _ExplainedTruth:
         """Evaluate a node for one log, or for the run as a whole (None)."""
         if isinstance(node, Comparison):
             return self._evaluate_comparison(node, log)
         if isinstance(node, Not):
             inner = self._evaluate_node(node.inner, log)
-            return _Answer(None if inner.holds is None else not inner.holds, inner.words)
+            return _ExplainedTruth(None if inner.holds is None else not inner.holds, inner.words)
         if isinstance(node, AnyAll):
             return self._evaluate_any_all(node)
         return _combine_answers([self._evaluate_node(part, log) for part in node.parts], is_and=node.is_and)
 
-    def _evaluate_any_all(self, node: AnyAll) -> _Answer:
+    def _evaluate_any_all(self, node: AnyAll) -> _ExplainedTruth:
         """Evaluate `any` or `all` over the logs that did not fail."""
         answers = [self._evaluate_node(node.inner, log) for log in self._done]
         combined = _combine_answers(answers, is_and=node.quantifier == "all")
         n_holding = sum(answer.holds is True for answer in answers)
-        return _Answer(combined.holds, (f"it holds for {n_holding} of {len(answers)} logs",))
+        return _ExplainedTruth(combined.holds, (f"it holds for {n_holding} of {len(answers)} logs",))
 
-    def _evaluate_comparison(self, node: Comparison, log: LogMetrics | None) -> _Answer:
+    def _evaluate_comparison(self, node: Comparison, log: LogMetrics | None) -> _ExplainedTruth:
         """Evaluate a comparison; with a pattern it must hold for every metric that matches."""
         columns = [self._operand_values(operand, log) for operand in node.operands]
         answers = []
@@ -175,13 +175,13 @@ class _GateEvaluator:
             words = tuple(words for _, words in cells if words)
             values = [value for value, _ in cells]
             if any(value is None for value in values):
-                answers.append(_Answer(None, words))
+                answers.append(_ExplainedTruth(None, words))
                 continue
             holds_for_all = all(
                 COMPARISONS_BY_SIGN[sign](float(left or 0.0), float(right or 0.0))
                 for sign, left, right in zip(node.signs, values, values[1:], strict=False)
             )
-            answers.append(_Answer(holds_for_all, words))
+            answers.append(_ExplainedTruth(holds_for_all, words))
         return _combine_answers(answers, is_and=True)
 
     def _operand_values(self, operand: Operand, log: LogMetrics | None) -> list[tuple[float | None, str]]:
@@ -248,7 +248,11 @@ class _GateEvaluator:
             value = math.nan
         else:
             percentile = percentile_of_function(function)
-            value = _AGGREGATES[function](values) if percentile is None else float(np.percentile(values, percentile))
+            value = (
+                _FUNCTION_BY_AGGREGATE_NAME[function](values)
+                if percentile is None
+                else float(np.percentile(values, percentile))
+            )
         label = f"{function}({name})"
         if math.isnan(value):
             return None, f"{label} has no value: there was nothing to judge"
@@ -283,15 +287,15 @@ def matches_pattern(pattern: str, name: str) -> bool:
     return True
 
 
-def _combine_answers(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
+def _combine_answers(answers: Sequence[_ExplainedTruth], *, is_and: bool) -> _ExplainedTruth:
     """Combine answers by Kleene's `and` or `or`; without answers `and` is true and `or` false."""
     words = tuple(word for answer in answers for word in answer.words)
     if any(answer.holds is (not is_and) for answer in answers):
         decided = tuple(word for answer in answers if answer.holds is (not is_and) for word in answer.words)
-        return _Answer(not is_and, decided)
+        return _ExplainedTruth(not is_and, decided)
     if any(answer.holds is None for answer in answers):
-        return _Answer(None, tuple(word for answer in answers if answer.holds is None for word in answer.words))
-    return _Answer(is_and, words)
+        return _ExplainedTruth(None, tuple(word for answer in answers if answer.holds is None for word in answer.words))
+    return _ExplainedTruth(is_and, words)
 
 
 def _format_value(value: float, unit: str) -> str:

@@ -373,10 +373,10 @@ class HeadlineCollector:
             extreme = known.max() if metric.pool == "max" else known.min()
             self.add_from_sums(name, float(extreme), 1.0, n=len(known))
 
-    def add_share(self, name: str, which: npt.NDArray[np.bool_] | Sequence[bool]) -> None:
+    def add_share(self, name: str, is_counted: npt.NDArray[np.bool_] | Sequence[bool]) -> None:
         """Add the share of the true values; nothing without values."""
-        if len(which):
-            self.add_from_sums(name, float(np.count_nonzero(which)), len(which))
+        if len(is_counted):
+            self.add_from_sums(name, float(np.count_nonzero(is_counted)), len(is_counted))
 
     def add_count(self, name: str, total: float) -> None:
         """Add a number that is summed over logs."""

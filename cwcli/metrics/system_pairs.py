@@ -19,7 +19,7 @@ class MetricPair(NamedTuple):
     own: MetricRow | None
 
 
-def pair_with_own(rows: Mapping[str, MetricRow]) -> list[MetricPair]:
+def pair_other_system_metrics_with_own(rows: Mapping[str, MetricRow]) -> list[MetricPair]:
     """Pair each metric of another system with cwcli's own.
 
     Its state of the ego is compared with cwcli's online state, because neither uses later data.

@@ -74,7 +74,7 @@ class ColumnDoc:
     doc: str = ""
 
 
-NO_DOC = ColumnDoc()
+EMPTY_COLUMN_DOC = ColumnDoc()
 """The description of a column that needs none beyond its name."""
 
 
@@ -249,7 +249,7 @@ def to_arrow_table(table: Table) -> pa.Table:
     import pyarrow as pa
 
     arrays = {name: _arrow_array(column) for name, column in table.columns.items()}
-    fields = [_arrow_field(name, array.type, table.docs.get(name, NO_DOC)) for name, array in arrays.items()]
+    fields = [_arrow_field(name, array.type, table.docs.get(name, EMPTY_COLUMN_DOC)) for name, array in arrays.items()]
     metadata = {key: escape_surrogates(text) for key, text in {"name": table.name, **table.metadata}.items()}
     return pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields, metadata=metadata))
 

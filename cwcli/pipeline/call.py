@@ -61,13 +61,13 @@ class StageCall:
 def run_stage(stage: Stage, log: Log, config: Any) -> StageResult:
     """Run a stage, and then its evaluation if it has one.
 
-    The evaluation is a module of `cwcli.evaluation`. Its function `judge_result`, if there is one, takes the log, the
+    The evaluation is a module of `cwcli.evaluation`. Its `add_scores_to_result`, if present, takes the log, the
     configuration and the result, and returns the result with further sections, tables and notes
     (`StageResult.with_evaluation`); its function `add_metrics` adds headline metrics (`cwcli.evaluation.evaluate_log`).
     """
     result: StageResult = stage.stage_function(log, config)
     judge: Callable[[Log, Any, StageResult], StageResult] | None = getattr(
-        stage.evaluation_module, "judge_result", None
+        stage.evaluation_module, "add_scores_to_result", None
     )
     return result if judge is None else judge(log, config, result)
 

@@ -156,13 +156,13 @@ def _build_report_of_one_log(
     source: str,
     gates: Sequence[str],
     renderer: PageRenderer,
-    say: Progress,
+    report_progress: Progress,
     *,
     system: OtherSystemTopics | None,
     recover: bool,
 ) -> Report:
     """Build the page of one annotated log."""
-    say(run.name)
+    report_progress(run.name)
     entry = run.entries[0]
     with Log.open(source, recover=recover) as log:
         require_results(log)
@@ -210,10 +210,10 @@ def _page_metric_filter(gates: Sequence[str]) -> Callable[[str], bool]:
 
 
 def _replace_metrics_with_system(
-    run: ReportedRun, source: str, system: OtherSystemTopics, say: Progress
+    run: ReportedRun, source: str, system: OtherSystemTopics, report_progress: Progress
 ) -> ReportedRun:
     """Return the run with the metrics of another system added to those of each log."""
-    found = {log.id: log for log in read_run_metrics(source, system=system, step=say).logs}
+    found = {log.id: log for log in read_run_metrics(source, system=system, step=report_progress).logs}
     known = {entry.id: found[entry.id].rows for entry in run.entries if entry.id in found}
     return replace(
         run, entries=tuple(replace(each, metrics=known.get(each.id) or each.metrics) for each in run.entries)

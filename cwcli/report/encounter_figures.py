@@ -241,7 +241,7 @@ def nearest_approach_figure(drive: Drive, nearest: NearestApproach) -> Figure | 
 
 
 def _distance_figure_of_pair(
-    drive: Drive, pair: Pair, span_ns: tuple[int, int], marks: list[tuple[int, str, str]], more: list[Trace]
+    drive: Drive, pair: Pair, span_ns: tuple[int, int], marks: list[tuple[int, str, str]], more_traces: list[Trace]
 ) -> Figure | None:
     """Draw distance, gap and criticality of a pair over a time span; None of fewer than two rows."""
     first = int(np.searchsorted(pair.stamp_ns, span_ns[0]))
@@ -263,7 +263,7 @@ def _distance_figure_of_pair(
     data = [
         trace_column(0, "distance, centre to centre", EGO_COLOUR, "m"),
         trace_column(1, "gap between the outlines", OTHER_VEHICLE_COLOURS[1], "m", dash="dash"),
-        *more,
+        *more_traces,
     ]
     limit_m = drive.warning_config.distance_m
     drawn = [_threshold_line_with_label("y", limit_m, f"{limit_m:g} m counts as a collision")]

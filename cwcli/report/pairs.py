@@ -81,11 +81,11 @@ def conflicts_table(drive: Drive, drive_encounters: DriveEncounters, log: str) -
     return TableView("Conflicts", columns, tuple(rows), hint, row_marks=names)
 
 
-def _conflict_cells(drive: Drive, each: Conflict) -> tuple[str, ...]:
-    met = each.conflict
+def _conflict_cells(drive: Drive, conflict: Conflict) -> tuple[str, ...]:
+    met = conflict.conflict
     times = [_seconds_since_start_text(drive, stamp) for stamp in (met.onset_ns, met.end_ns)]
-    warned = ", ".join(f"warning {number}" for number in each.warning_ids)
-    name = short_vehicle_name(each.other.kind, each.other.id)
+    warned = ", ".join(f"warning {number}" for number in conflict.warning_ids)
+    name = short_vehicle_name(conflict.other.kind, conflict.other.id)
     return name, *times, f"{met.closest_m:.2f}", _seconds_since_start_text(drive, met.closest_ns), warned or "nobody"
 
 

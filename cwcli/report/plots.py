@@ -73,7 +73,7 @@ def motion_panels(drive: Drive) -> list[Panel]:
 def truth_error_panels(drive: Drive) -> list[Panel]:
     """Make the panels of the errors of position, speed and heading against the truth."""
     panels = [Panel(curve, is_error=True) for curve in truth_error_curves(drive, _require_truth(drive))]
-    return panels or _raise_no_common_time()
+    return panels or _raise_no_common_time_error()
 
 
 def lane_panels(drive: Drive) -> list[Panel]:
@@ -143,7 +143,7 @@ def _error_panel_with_statistics(title: str, stamp_ns: Int64Array, values: Float
     """Make the panel of an error, with its statistics in the title."""
     known = values[np.isfinite(values)]
     if not len(known):
-        _raise_no_common_time()
+        _raise_no_common_time_error()
     rmse, mean, median, most = np.sqrt((known**2).mean()), known.mean(), np.median(known), known.max()
     said = f"rmse {rmse:.3g}, mean {mean:.3g}, median {median:.3g}, max {most:.3g} m, n {len(known)}"
     return Panel(
@@ -169,7 +169,7 @@ def _states_at_truth_stamps(drive: Drive, truth: EgoTruth) -> FloatArray:
     return interpolate_signal_at_times(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
 
 
-def _raise_no_common_time() -> list[Panel]:
+def _raise_no_common_time_error() -> list[Panel]:
     """Raise that states and truth have no common time."""
     raise MissingSignalError("the states and the truth have no time in common")
 

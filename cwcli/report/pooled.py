@@ -282,14 +282,14 @@ def read_ego_sources(log: str, record: Record) -> list[SourceInLog]:
     return found
 
 
-def pool_sources(found: Sequence[SourceInLog], anchors: Mapping[str, str]) -> tuple[tuple[PooledSource, ...], int]:
+def pool_sources(sources: Sequence[SourceInLog], anchors: Mapping[str, str]) -> tuple[tuple[PooledSource, ...], int]:
     """Pool each source and quantity that at least two logs have, the most frequent first.
 
     Returns:
         At most MAX_SOURCES, and how many there are.
     """
     groups: dict[tuple[str, str], list[SourceInLog]] = {}
-    for each in found:
+    for each in sources:
         groups.setdefault((each.source, each.quantity), []).append(each)
     shown_groups = sorted((group for group in groups.values() if len(group) > 1), key=lambda group: -len(group))
     return tuple(_pool_source(group, anchors) for group in shown_groups[:MAX_LISTED_SOURCES]), len(shown_groups)

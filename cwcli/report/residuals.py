@@ -242,7 +242,7 @@ def _source_findings_text(
     elif status:
         said.append(f"latency: {status}")
     said += [
-        f"{name} {_insert_unit(str(value), str(unit))} ({status})"
+        f"{name} {_with_unit_behind_number(str(value), str(unit))} ({status})"
         for _, _, name, value, unit, status in parameters
         if value
     ]
@@ -258,38 +258,38 @@ def _source_findings_text(
     return "; ".join(said).replace("+-", "±").replace("^2", "²")
 
 
-def _insert_unit(value: str, unit: str) -> str:
+def _with_unit_behind_number(value: str, unit: str) -> str:
     """Insert the unit: `2.02 m for 90 s`, `-1.82 +- 0.096 m/s^2`."""
     first, parts, rest = value.partition(" for ")
     return f"{first} {unit}".rstrip() + parts + rest
 
 
-def residual_figure(drive: Drive, found: SourceResiduals, n_pieces: int) -> Figure:
+def residual_figure(drive: Drive, residuals: SourceResiduals, n_pieces: int) -> Figure:
     """The residuals as dots, gated ones as crosses, in the 95 % band of the white noise; what is beyond the axis stands
     at its edge."""
     data: list[Trace] = []
     layout: dict[str, Any] = {}
-    parts = RESIDUAL_COMPONENTS[found.kind]
+    parts = RESIDUAL_COMPONENTS[residuals.kind]
     n = len(parts)
-    at = drive.seconds_since_start(found.stamp_ns)
+    at = drive.seconds_since_start(residuals.stamp_ns)
     span = rounded_json_numbers(np.array([at.min(), at.max()]), 2)
     for index, (name, unit, _) in enumerate(parts):
         key = "y" if index == 0 else f"y{index + 1}"
-        values = found.values[:, index]
-        limit = _half_height_of_residual_axis(values[~found.is_gated], found.sigma)
+        values = residuals.values[:, index]
+        limit = _half_height_of_residual_axis(values[~residuals.is_gated], residuals.sigma)
         top = 1.0 - index * (1.0 / n)
         layout[f"yaxis{key[1:]}"] = axis_settings(
             f"{name}<br>[{unit}]", domain=[round(top - 1.0 / n + (0.06 if n > 1 else 0.0), 4), round(top, 4)],
             range=rounded_json_numbers(np.array([-limit, limit]), 6), zeroline=True,
         )  # fmt: skip
         more = {"yaxis": key, "showlegend": index == 0}
-        if math.isfinite(found.sigma):
-            edge = rounded_json_numbers(np.array([-1.0, 1.0]) * INTERVAL_95_SIGMAS * found.sigma, 6)
+        if math.isfinite(residuals.sigma):
+            edge = rounded_json_numbers(np.array([-1.0, 1.0]) * INTERVAL_95_SIGMAS * residuals.sigma, 6)
             x, y = [span[0], span[1], span[1], span[0]], [edge[0], edge[0], edge[1], edge[1]]
             data.append(polygon_trace(x, y, "95 % of the noise", EGO_COLOUR, alpha=0.15, legendgroup="noise", **more))
         for rows, label, style in (
-            (~found.is_gated, "residual", {"colour": MEASURED_COLOUR, "size": 3, "opacity": 0.6}),
-            (found.is_gated, "gated", {"colour": WARNING_COLOUR, "size": 5, "symbol": "x"}),
+            (~residuals.is_gated, "residual", {"colour": MEASURED_COLOUR, "size": 3, "opacity": 0.6}),
+            (residuals.is_gated, "gated", {"colour": WARNING_COLOUR, "size": 5, "symbol": "x"}),
         ):
             data += _residual_dot_traces(at[rows], values[rows], limit, n_pieces, label, {**style, **more}, unit)
     layout["xaxis"] = axis_settings("time since the log began [s]", anchor=f"y{n}" if n > 1 else "y", range=span)
@@ -304,15 +304,15 @@ def _half_height_of_residual_axis(believed: FloatArray, sigma: float) -> float:
 
 
 def _residual_dot_traces(
-    at: FloatArray, values: FloatArray, limit: float, n_pieces: int, label: str, style: dict[str, Any],
+    times_s: FloatArray, values: FloatArray, limit: float, n_pieces: int, label: str, style: dict[str, Any],
     unit: str,
 ) -> list[Trace]:  # fmt: skip
     """Return the dots of residuals; those beyond the axis are drawn at its edge."""
     shown = np.clip(values, -limit, limit)
-    rows = first_row_per_grid_cell(at, shown, n_pieces, N_DOT_GRID_ROWS)
+    rows = first_row_per_grid_cell(times_s, shown, n_pieces, N_DOT_GRID_ROWS)
     if not len(rows):
         return []
-    x, y = rounded_json_numbers(at[rows], 2), rounded_json_numbers(shown[rows], 4)
+    x, y = rounded_json_numbers(times_s[rows], 2), rounded_json_numbers(shown[rows], 4)
     text = [f"{value:.3g} {escape_figure_text(unit)}" for value in values[rows].tolist()] if label == "gated" else None
     hover = {"text": text, "hovertemplate": "%{x} s: %{text}, gated"} if text else {"hoverinfo": "skip"}
     return [marker_trace(x, y, label, legendgroup=label, **hover, **style)]

@@ -14,7 +14,7 @@ from cwcli.evaluation.system.warnings import judge_flag_warnings
 from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.pooling import MetricRow
-from cwcli.metrics.system_pairs import pair_with_own
+from cwcli.metrics.system_pairs import pair_other_system_metrics_with_own
 from cwcli.report.tables import MAX_PAGE_TABLE_ROWS, format_metric_value
 from cwcli.report.views import TableView
 from cwcli.signals.units import NS_PER_S
@@ -70,7 +70,7 @@ def other_system_tables(drive: Drive, metrics: Mapping[str, MetricRow]) -> list[
             row.states,
             str(row.n),
         )
-        for known, row, own in pair_with_own(metrics)
+        for known, row, own in pair_other_system_metrics_with_own(metrics)
     ]
     if rows:
         columns = (("metric", False), ("the system", True), ("cwcli", True), ("states", False), ("samples", True))

@@ -80,18 +80,20 @@ def read_motion_profile(
         UsageError: A gap or an overlap, a segment too short for its target, a negative speed, a wrong key or value.
     """
     speed: list[SpeedPiece] = [SpeedPiece(0.0, (speed_mps,))]
-    for place, segment, end in _check_segments(longitudinal, LONGITUDINAL_KEYS, end_s, f"{path}.longitudinal", source):
+    for place, segment, end in _checked_segments(
+        longitudinal, LONGITUDINAL_KEYS, end_s, f"{path}.longitudinal", source
+    ):
         _require_exactly_one_key(segment, ("accel_mps2", "speed_mps"), place, source)
         speed += _speed_pieces_of_segment(speed[-1], segment, end, place, source)
     turn: list[TurnPiece] = [TurnPiece(0.0, True, (0.0,))]
-    for place, segment, end in _check_segments(lateral, LATERAL_KEYS, end_s, f"{path}.lateral", source):
+    for place, segment, end in _checked_segments(lateral, LATERAL_KEYS, end_s, f"{path}.lateral", source):
         _require_exactly_one_key(segment, ("curvature_1pm", "yaw_rate_dps"), place, source)
         turn += _turn_pieces_of_segment(turn[-1], speed, segment, end, place, source)
     _require_forward_speed(speed, end_s, path, source)
     return MotionProfile(tuple(speed), tuple(turn), end_s)
 
 
-def _check_segments(
+def _checked_segments(
     entries: Any, keys: Any, end_s: float, path: str, source: str
 ) -> list[tuple[str, dict[str, Any], float]]:
     """Check the segments of one list: place in the file, keys and end of each, without gap from 0 to `end_s`."""

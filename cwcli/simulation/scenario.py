@@ -139,11 +139,11 @@ def load_scenario(name_or_path: str | Path, overrides: tuple[str, ...] = ()) -> 
     """
     name, document = read_scenario_name_and_document(name_or_path)
     for text in overrides:
-        document = apply_override(document, text)
+        document = with_override(document, text)
     return parse_scenario(document, name=name)
 
 
-def apply_override(document: Mapping[str, Any], text: str) -> dict[str, Any]:
+def with_override(document: Mapping[str, Any], text: str) -> dict[str, Any]:
     """Return a copy of a scenario document with one value replaced.
 
     Args:

@@ -137,8 +137,8 @@ def _rows_and_paths_in_one_stream(
 
 
 def _braking_horizon_s(
-    own: PathPoints,
-    theirs: PathPoints,
+    host: PathPoints,
+    other: PathPoints,
     gap_m: FloatArray,
     overlap_s: FloatArray,
     time_s: FloatArray,
@@ -150,11 +150,11 @@ def _braking_horizon_s(
     acceleration a: the paths let an acceleration fade, and a lead that brakes may well go on.
     Below the rule's own horizon the need counts for a vehicle that stands, of which gentle braking warns too late.
     """
-    closing_mps = _contact_speed_at_present_accel_mps(own, theirs, gap_m, float(time_s[1]))
+    closing_mps = _contact_speed_at_present_accel_mps(host, other, gap_m, float(time_s[1]))
     need_s = np.minimum(
         TIME_FROM_WARNING_TO_BRAKING_S + closing_mps / (2.0 * DECELERATION_AFTER_WARNING_MPS2), config.max_horizon_s
     )
-    is_standing = np.abs(theirs.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
+    is_standing = np.abs(other.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
     counts = (
         np.isfinite(overlap_s) & (closing_mps >= MIN_CLOSING_SPEED_MPS) & (is_standing | (need_s > config.horizon_s))
     )
@@ -162,10 +162,10 @@ def _braking_horizon_s(
 
 
 def _contact_speed_at_present_accel_mps(
-    own: PathPoints, theirs: PathPoints, present_gap_m: FloatArray, step_s: float
+    host: PathPoints, other: PathPoints, present_gap_m: FloatArray, step_s: float
 ) -> FloatArray:
     """Closing speed along the host's heading when the gap is used up at the present accelerations, (k,)."""
-    closing = own.speed_mps[:, :2] - theirs.speed_mps[:, :2] * np.cos(theirs.heading_rad - own.heading_rad)[:, :2]
+    closing = host.speed_mps[:, :2] - other.speed_mps[:, :2] * np.cos(other.heading_rad - host.heading_rad)[:, :2]
     accel_mps2 = (closing[:, 1] - closing[:, 0]) / step_s
     return np.sqrt(
         np.maximum(closing[:, 0] * np.abs(closing[:, 0]) + 2.0 * accel_mps2 * np.maximum(present_gap_m, 0.0), 0.0)

@@ -52,26 +52,26 @@ def warning_rows_of_pairs(
     return build_warning_rows(rows, rule=rule, host_id=clock.id)
 
 
-def _make_warning_row(own: PairEvaluation, index: int, event_id: int, state: int, text_for_driver: str) -> WarningRow:
+def _make_warning_row(pair: PairEvaluation, index: int, event_id: int, state: int, text_for_driver: str) -> WarningRow:
     """The row of a warning at one evaluation, with its text for the driver."""
-    time = float(own.decision.time_to_event_s[index])
-    distance = float(own.decision.predicted_distance_m[index])
+    time = float(pair.decision.time_to_event_s[index])
+    distance = float(pair.decision.predicted_distance_m[index])
     ahead = f"in {time:.1f} s" if np.isfinite(time) else "near"
-    kind = WarningKind(own.kinds[index])
+    kind = WarningKind(pair.kinds[index])
     ahead = f"{kind.name_in_tables}, {ahead}" if kind else ahead
     return WarningRow(
-        int(own.log_time_ns[index]),
-        int(own.stamp_ns[index]),
-        int(own.known_ns[index]),
+        int(pair.log_time_ns[index]),
+        int(pair.stamp_ns[index]),
+        int(pair.known_ns[index]),
         event_id,
         state,
-        own.other.id,
-        f"{text_for_driver.format(other=own.other.id)} {ahead}, predicted distance {distance:.1f} m",
+        pair.other.id,
+        f"{text_for_driver.format(other=pair.other.id)} {ahead}, predicted distance {distance:.1f} m",
         time,
         distance,
-        float(own.measures.ttc_s[index]),
-        float(own.probability[index]),
-        float(own.alert_probability[index]),
+        float(pair.measures.ttc_s[index]),
+        float(pair.probability[index]),
+        float(pair.alert_probability[index]),
     )
 
 
@@ -139,10 +139,10 @@ def evaluation_series_table(pairs: Sequence[PairEvaluation], *, host_id: str) ->
     return Table("series", columns)
 
 
-def _is_warning_active_mask(own: PairEvaluation) -> Any:
+def _is_warning_active_mask(pair: PairEvaluation) -> Any:
     """Whether a warning is active at each evaluation, (m,)."""
-    active = np.zeros(len(own.stamp_ns), dtype=bool)
-    for span in own.spans:
+    active = np.zeros(len(pair.stamp_ns), dtype=bool)
+    for span in pair.spans:
         active[span.raised : span.last + 1] = True
     return active
 

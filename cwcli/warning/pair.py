@@ -284,13 +284,13 @@ def _flagged_mask(track: VehicleTrack, rows: Rows) -> BoolArray:
 
 
 def _within_reach_mask(
-    own: PathArrays, theirs: PathArrays, host_row: Rows, other_row: Rows, span_s: float, config: WarningConfig
+    host: PathArrays, other: PathArrays, host_row: Rows, other_row: Rows, span_s: float, config: WarningConfig
 ) -> BoolArray:
     """Whether the paths of each row could come near each other, by the top speeds of both, (m,)."""
-    top_own = np.abs(own.speed_mps).max(axis=1, initial=0.0)
-    top_theirs = np.abs(theirs.speed_mps).max(axis=1, initial=0.0)
+    top_own = np.abs(host.speed_mps).max(axis=1, initial=0.0)
+    top_theirs = np.abs(other.speed_mps).max(axis=1, initial=0.0)
     distance_m = np.hypot(
-        theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0]
+        other.x_m[other_row, 0] - host.x_m[host_row, 0], other.y_m[other_row, 0] - host.y_m[host_row, 0]
     )
     reach = top_own[host_row] * span_s + top_theirs[other_row] * (span_s + config.max_age_s)
     return np.asarray(~(distance_m > reach + config.distance_m + REACH_BEYOND_COLLISION_DISTANCE_M))

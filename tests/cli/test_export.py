@@ -18,7 +18,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from cwcli import __version__
 from cwcli.cli.commands.export import CONTENT_NAMES_TEXT, EXPORT_FORMATS, format_of_each_suffix
 from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
-from cwcli.export.content import EXPORT_CONTENTS
+from cwcli.export.content import CHANNEL_BY_EXPORT_CONTENT_NAME
 from cwcli.export.track_formats import TRACK_FORMATS, Track
 from tests.cli.conftest import SAMPLES, Run
 
@@ -146,7 +146,7 @@ def test_a_name_without_a_suffix_is_a_table(cwcli: Run, annotated: Path, tmp_pat
 
 
 def test_help_names_everything() -> None:
-    assert ", ".join(EXPORT_CONTENTS) == CONTENT_NAMES_TEXT
+    assert ", ".join(CHANNEL_BY_EXPORT_CONTENT_NAME) == CONTENT_NAMES_TEXT
     assert set(EXPORT_FORMATS) == {"csv", "parquet", *TRACK_FORMATS, "ros2"}
 
 

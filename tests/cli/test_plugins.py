@@ -19,7 +19,7 @@ import pytest
 from mcap.writer import Writer
 
 from cwcli.errors import EXIT_USAGE
-from cwcli.evaluation.doubts import DOUBTS
+from cwcli.evaluation.doubts import DOUBT_RULES
 from cwcli.events import EVENTS
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
@@ -393,7 +393,7 @@ def test_the_rule_of_the_docs_warns_by_measures(cwcli: Run, intersection: Path, 
 def test_the_page_of_plugins_knows_every_group() -> None:
     page = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `(cwcli\.\w+)`", page, re.MULTILINE) == [
-        registry.group for registry in (RULES, MODELS, MEASURES, DOUBTS, EVENTS, METHODS, INPUTS)
+        registry.group for registry in (RULES, MODELS, MEASURES, DOUBT_RULES, EVENTS, METHODS, INPUTS)
     ]
 
 

@@ -212,11 +212,11 @@ def _print_evaluation(
 
 def _system_metric_rows(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
     """Table rows of another system's metrics, each with cwcli's own value."""
-    from cwcli.metrics.system_pairs import pair_with_own
+    from cwcli.metrics.system_pairs import pair_other_system_metrics_with_own
 
     return [
         (name, row.value, "" if own is None else own.value, _replace_vs_by_slash(row.states), row.n)
-        for name, row, own in pair_with_own(pooled)
+        for name, row, own in pair_other_system_metrics_with_own(pooled)
     ]
 
 

@@ -166,13 +166,13 @@ def _check_format_and_contents(names: Sequence[str], form: str, vehicle: str | N
     Raises:
         UsageError: A content or the format does not exist, or the format can't hold the contents.
     """
-    from cwcli.export.content import EXPORT_CONTENTS
+    from cwcli.export.content import CHANNEL_BY_EXPORT_CONTENT_NAME
 
     for name in names:
-        if name not in EXPORT_CONTENTS:
+        if name not in CHANNEL_BY_EXPORT_CONTENT_NAME:
             raise UsageError(
                 f"--what {name!r}: there is no such thing to export",
-                hint=hint_at_closest_or_all_known_names(name, EXPORT_CONTENTS, "it is one of"),
+                hint=hint_at_closest_or_all_known_names(name, CHANNEL_BY_EXPORT_CONTENT_NAME, "it is one of"),
             )
     if form not in EXPORT_FORMATS:
         raise UsageError(
@@ -183,7 +183,7 @@ def _check_format_and_contents(names: Sequence[str], form: str, vehicle: str | N
         option = "--what" if names else "--id"
         raise UsageError(f"{option}: --format ros2 writes the whole log", hint=f"leave {option} out")
     for name in names if form in TRACK_FORMATS else ():
-        if not EXPORT_CONTENTS[name].is_tracks:
+        if not CHANNEL_BY_EXPORT_CONTENT_NAME[name].is_tracks:
             raise UsageError(
                 f"--format {form} holds tracks, and `{name}` are not tracks", hint="export it as csv or parquet"
             )

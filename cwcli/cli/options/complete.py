@@ -59,8 +59,8 @@ def _matching_choices(ctx: typer.Context, incomplete: str, roles: Mapping[str, s
     return [(f"{role}={each}", schema) for each, schema in _first_sorted_topics(found)]
 
 
-def _first_sorted_topics(found: Mapping[str, str]) -> list[tuple[str, str]]:
-    return sorted(found.items())[:MAX_OFFERED_TOPICS]
+def _first_sorted_topics(schema_by_topic: Mapping[str, str]) -> list[tuple[str, str]]:
+    return sorted(schema_by_topic.items())[:MAX_OFFERED_TOPICS]
 
 
 def _log_files_on_command_line(ctx: typer.Context) -> list[str]:

@@ -26,7 +26,7 @@ class _PlainCoercion:
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
         plain = coerce_plain_value(self._annotation, value)
-        if is_infinite(plain):
+        if is_non_finite(plain):
             raise typer.BadParameter(f"{value} is not a finite number")
         if plain is not LEFT_TO_TYPER and is_within_bounds(plain, self._info.min, self._info.max):
             return plain
@@ -98,7 +98,7 @@ def _coerce_plain_number(kind: type[int] | type[float], value: Any) -> Any:
     return result if kind is float or str(result) == str(value) else LEFT_TO_TYPER
 
 
-def is_infinite(value: Any) -> bool:
+def is_non_finite(value: Any) -> bool:
     """Whether a value is a number that is not finite."""
     return isinstance(value, float) and not math.isfinite(value)
 

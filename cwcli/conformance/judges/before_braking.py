@@ -33,16 +33,16 @@ def latest_braking_s(encounter: Encounter, deceleration_mps2: float, impact_mps:
     """
     at_contact = int(np.searchsorted(encounter.time_s, encounter.contact_s)) - 1
     low, high = 0, at_contact
-    if _impact_mps(encounter, low, deceleration_mps2) > impact_mps + 1e-9:
+    if _contact_speed_if_braking_from_row_mps(encounter, low, deceleration_mps2) > impact_mps + 1e-9:
         return math.nan
     while low < high:  # a later start never lessens the impact
         middle = (low + high + 1) // 2
-        is_enough = _impact_mps(encounter, middle, deceleration_mps2) <= impact_mps + 1e-9
+        is_enough = _contact_speed_if_braking_from_row_mps(encounter, middle, deceleration_mps2) <= impact_mps + 1e-9
         low, high = (middle, high) if is_enough else (low, middle - 1)
     return float(encounter.time_s[low])
 
 
-def _impact_mps(encounter: Encounter, row: int, deceleration_mps2: float) -> float:
+def _contact_speed_if_braking_from_row_mps(encounter: Encounter, row: int, deceleration_mps2: float) -> float:
     """Relative speed at contact if the host brakes from a row on; 0 without contact. The other moves as it did."""
     elapsed_s = encounter.time_s[row:] - encounter.time_s[row]
     start_mps = float(encounter.host[row, 2])

@@ -27,29 +27,29 @@ def _check_findings(found: Iterable[Finding], evidence: DoubtEvidence) -> list[F
     return findings
 
 
-DOUBTS: Registry[DoubtRule] = Registry(
+DOUBT_RULES: Registry[DoubtRule] = Registry(
     "doubt",
     "cwcli.doubts",
     {
-        "contradiction": "cwcli.evaluation.doubts.sources:CONTRADICTION",
-        "correction": "cwcli.evaluation.doubts.sources:CORRECTION",
+        "contradiction": "cwcli.evaluation.doubts.sources:CONTRADICTION_RULE",
+        "correction": "cwcli.evaluation.doubts.sources:CORRECTION_RULE",
         "speed": "cwcli.evaluation.doubts.implausible:SPEED_RULE",
         "acceleration": "cwcli.evaluation.doubts.implausible:ACCELERATION_RULE",
         "lateral-acceleration": "cwcli.evaluation.doubts.implausible:LATERAL_ACCELERATION_RULE",
-        "fixes": "cwcli.evaluation.doubts.fixes:RULE",
-        "errors": "cwcli.evaluation.doubts.states:ERRORS",
-        "gated": "cwcli.evaluation.doubts.sources:GATED",
-        "heading": "cwcli.evaluation.doubts.states:HEADING",
-        "noise": "cwcli.evaluation.doubts.sources:NOISE",
-        "resets": "cwcli.evaluation.doubts.sources:RESETS",
-        "camera": "cwcli.evaluation.doubts.camera:RULE",
-        "times": "cwcli.evaluation.doubts.recording:TIMES",
-        "silence": "cwcli.evaluation.doubts.silences:SILENCE",
-        "gaps": "cwcli.evaluation.doubts.states:GAPS",
-        "late": "cwcli.evaluation.doubts.recording:LATE_STATES",
-        "rejected": "cwcli.evaluation.doubts.recording:REJECTED_MESSAGES",
-        "damaged": "cwcli.evaluation.doubts.recording:DAMAGED_FILE",
-        "no-truth": "cwcli.evaluation.doubts.states:NO_TRUTH",
+        "fixes": "cwcli.evaluation.doubts.fixes:FIX_OFFSET_RULE",
+        "errors": "cwcli.evaluation.doubts.states:UNDERSTATED_ERRORS_RULE",
+        "gated": "cwcli.evaluation.doubts.sources:GATED_SOURCES_RULE",
+        "heading": "cwcli.evaluation.doubts.states:UNOBSERVED_HEADING_RULE",
+        "noise": "cwcli.evaluation.doubts.sources:UNDERSTATED_NOISE_RULE",
+        "resets": "cwcli.evaluation.doubts.sources:RESETS_RULE",
+        "camera": "cwcli.evaluation.doubts.camera:ASSUMED_CAMERA_RULE",
+        "times": "cwcli.evaluation.doubts.recording:LOG_TIME_HOLES_RULE",
+        "silence": "cwcli.evaluation.doubts.silences:SILENCE_RULE",
+        "gaps": "cwcli.evaluation.doubts.states:BRIDGED_STATES_RULE",
+        "late": "cwcli.evaluation.doubts.recording:LATE_STATES_RULE",
+        "rejected": "cwcli.evaluation.doubts.recording:REJECTED_MESSAGES_RULE",
+        "damaged": "cwcli.evaluation.doubts.recording:DAMAGED_FILE_RULE",
+        "no-truth": "cwcli.evaluation.doubts.states:NO_TRUTH_RULE",
     },
     accept_dataclass_of(DoubtRule, {"find": _check_findings}),
 )
@@ -67,19 +67,19 @@ def find_doubts(log: Log) -> tuple[Doubt, ...]:
 
 def find_doubts_in_evidence(evidence: DoubtEvidence) -> tuple[Doubt, ...]:
     """Find the doubts in what is known of a log; the worst comes first."""
-    return _apply_rules(evidence, remarks=False)
+    return _find_doubts_or_remarks_by_rules(evidence, remarks=False)
 
 
 def find_remarks_in_evidence(evidence: DoubtEvidence) -> tuple[Doubt, ...]:
     """Find what limits the knowledge of the results without making them doubtful, such as a missing truth."""
-    return _apply_rules(evidence, remarks=True)
+    return _find_doubts_or_remarks_by_rules(evidence, remarks=True)
 
 
-def _apply_rules(evidence: DoubtEvidence, *, remarks: bool) -> tuple[Doubt, ...]:
+def _find_doubts_or_remarks_by_rules(evidence: DoubtEvidence, *, remarks: bool) -> tuple[Doubt, ...]:
     """Apply the rules that find remarks, or the others."""
     return tuple(
         doubt
-        for name, rule in DOUBTS.items()
+        for name, rule in DOUBT_RULES.items()
         if rule.is_remark is remarks
         for doubt in rule.find_doubts(name, evidence)
     )

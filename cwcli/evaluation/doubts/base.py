@@ -17,7 +17,7 @@ class Doubt:
     """A reason not to believe the results on a log as they are.
 
     Attributes:
-        name: Of its rule in `DOUBTS`.
+        name: Of its rule in `DOUBT_RULES`.
         sentence: What is doubtful, with the number; a whole sentence.
         advice: What to do about it; a whole sentence.
         value: The number that exceeds the threshold.
@@ -67,7 +67,7 @@ class DoubtRule:
         find: Returns the findings in the evidence, the worst first.
         is_remark: It only limits what is known, as a missing truth does: it is shown where there is no doubt, and is
             not counted as one.
-        short_name: What a list of further doubts calls it; "": its name in `DOUBTS`.
+        short_name: What a list of further doubts calls it; "": its name in `DOUBT_RULES`.
         is_repaired: As in `Doubt`.
         is_of_whole_log: It rests on counts over all that was estimated: of a log that is a part of that (`cwcli cut`),
             the sentence says so.

@@ -29,7 +29,7 @@ def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:
         )
 
 
-RULE = DoubtRule(
+ASSUMED_CAMERA_RULE = DoubtRule(
     summary="a camera whose lens or mounting is assumed",
     short_name="assumed camera",
     threshold=MIN_ASSUMPTIONS_FOR_DOUBT,

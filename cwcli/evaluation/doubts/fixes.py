@@ -39,7 +39,7 @@ def find_track_offsets_from_fixes(evidence: DoubtEvidence) -> Iterator[Finding]:
         )
 
 
-RULE = DoubtRule(
+FIX_OFFSET_RULE = DoubtRule(
     summary=(
         f"a track that is away from the fixes for {MIN_LASTING_OFFSET_S:g} s, by more than {MIN_DOUBTED_OFFSET_M:g} m"
     ),

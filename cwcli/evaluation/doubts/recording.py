@@ -35,7 +35,7 @@ def find_holes_in_log_times(evidence: DoubtEvidence) -> Iterator[Finding]:
         )
 
 
-TIMES = DoubtRule(
+LOG_TIME_HOLES_RULE = DoubtRule(
     summary="log times far from the states",
     short_name="log times",
     threshold=MAX_UNDOUBTED_HOLE_H,
@@ -59,7 +59,7 @@ def find_late_states(evidence: DoubtEvidence) -> Iterator[Finding]:
             )
 
 
-LATE_STATES = DoubtRule(
+LATE_STATES_RULE = DoubtRule(
     summary="online states that could be known only late (95 % of them within this time)",
     short_name="late states",
     threshold=MAX_UNREPORTED_STATE_DELAY_S,
@@ -98,7 +98,7 @@ def _iter_finding_if_too_many_rejected(topic: str, entry: Mapping[str, Any]) -> 
         yield Finding(share, f"{100 * share:.0f} % of the messages of {name} could not be used (most: {why}).")
 
 
-REJECTED_MESSAGES = DoubtRule(
+REJECTED_MESSAGES_RULE = DoubtRule(
     summary="messages of an input that were rejected",
     short_name="rejected messages",
     threshold=MAX_UNDOUBTED_REJECTED_SHARE,
@@ -124,7 +124,7 @@ def find_file_faults(evidence: DoubtEvidence) -> Iterator[Finding]:
         yield Finding(float(sum(faults.values())), f"The file is damaged ({shorten_and_escape(most)}{count}{more}).")
 
 
-DAMAGED_FILE = DoubtRule(
+DAMAGED_FILE_RULE = DoubtRule(
     summary="a damaged file",
     short_name="damaged file",
     threshold=MIN_FAULTS_FOR_DOUBT,

@@ -77,25 +77,25 @@ def _finding_of_silence(evidence: DoubtEvidence, silence: dict[str, Any], silent
         when, advice = f"before {end_s:.0f} s ({lasting})", f"--start {end_s:.0f}"
     else:
         when, advice = f"between {begin_s:.0f} and {end_s:.0f} s ({lasting})", "--start or --end"
-    others = [_other_text(topic, quantities) for topic, quantities in silence["others"].items()]
-    lost_quantities = _join_with_and([_short(each) for each in silence["quantities"]])
+    others = [_topic_and_quantities_text(topic, quantities) for topic, quantities in silence["others"].items()]
+    lost_quantities = _join_with_and([_escaped_short_text(each) for each in silence["quantities"]])
     return Finding(
         silent_s,
-        f"{_short(silence.get('source'))} reports no {lost_quantities} {when}; there the states rest on "
+        f"{_escaped_short_text(silence.get('source'))} reports no {lost_quantities} {when}; there the states rest on "
         f"{_join_with_and(others)}.",
         f"Find out why that sensor was silent; leave that part out with {advice}, or use it as of a car without it.",
     )
 
 
-def _other_text(topic: str, quantities: Any) -> str:
+def _topic_and_quantities_text(topic: str, quantities: Any) -> str:
     return (
-        f"{_short(topic)} ({', '.join(_short(each) for each in quantities)})"
+        f"{_escaped_short_text(topic)} ({', '.join(_escaped_short_text(each) for each in quantities)})"
         if isinstance(quantities, list)
-        else _short(topic)
+        else _escaped_short_text(topic)
     )
 
 
-def _short(text: Any) -> str:
+def _escaped_short_text(text: Any) -> str:
     return shorten_and_escape(str(text), MAX_TOPIC_CHARACTERS)
 
 
@@ -103,7 +103,7 @@ def _join_with_and(words: list[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
-SILENCE = DoubtRule(
+SILENCE_RULE = DoubtRule(
     summary=(
         "a sensor that is silent while the car drives and nothing else measures the same, in a tenth of the track or "
         "behind the last position"

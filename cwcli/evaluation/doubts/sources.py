@@ -24,7 +24,7 @@ def find_contradictions(evidence: DoubtEvidence) -> Iterator[Finding]:
         yield Finding(float(len(found)), name_sources_in_words(sentence))
 
 
-CONTRADICTION = DoubtRule(
+CONTRADICTION_RULE = DoubtRule(
     summary="sources that contradict each other",
     short_name="contradicting sources",
     threshold=MIN_CONTRADICTIONS_TO_DOUBT_ESTIMATE,
@@ -62,7 +62,7 @@ def find_corrected_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
         )
 
 
-CORRECTION = DoubtRule(
+CORRECTION_RULE = DoubtRule(
     summary="sources that were corrected",
     short_name="corrected sources",
     threshold=MIN_CORRECTIONS_FOR_DOUBT,
@@ -87,7 +87,7 @@ def find_gated_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
             )
 
 
-GATED = DoubtRule(
+GATED_SOURCES_RULE = DoubtRule(
     summary="a source whose measurements the gate rejects",
     short_name="rejected measurements",
     threshold=MAX_GATED_ROW_SHARE,
@@ -123,7 +123,7 @@ def _iter_finding_if_nis_too_large(name: str, nis: float) -> Iterator[Finding]:
         yield Finding(nis, f"{name} scatters {math.sqrt(nis):.1f} times as much as its uncertainty says.")
 
 
-NOISE = DoubtRule(
+UNDERSTATED_NOISE_RULE = DoubtRule(
     summary="innovations beyond their sigma (NIS per degree of freedom, outside its bounds)",
     short_name="noise beyond its sigma",
     threshold=TOLERATED_VARIANCE_FACTOR,
@@ -147,7 +147,7 @@ def find_resets(evidence: DoubtEvidence) -> Iterator[Finding]:
             yield Finding(n, f"{source_name(source)} jumped {format_count(int(n), 'time')}, and the track with it.")
 
 
-RESETS = DoubtRule(
+RESETS_RULE = DoubtRule(
     summary="a track that jumps because a source jumped",
     short_name="jumps",
     threshold=MIN_RESETS_FOR_DOUBT,

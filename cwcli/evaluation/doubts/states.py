@@ -78,7 +78,7 @@ def _truth_error_text_or_empty(evidence: DoubtEvidence, quantity: str) -> str:
     return ""
 
 
-ERRORS = DoubtRule(
+UNDERSTATED_ERRORS_RULE = DoubtRule(
     summary="errors against the truth that exceed their covariance (NEES per degree of freedom, outside its bounds)",
     short_name="errors beyond their sigma",
     threshold=TOLERATED_VARIANCE_FACTOR,
@@ -119,7 +119,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
         )
 
 
-HEADING = DoubtRule(
+UNOBSERVED_HEADING_RULE = DoubtRule(
     summary="a standstill without a sensor of heading or yaw rate",
     short_name="heading at standstill",
     threshold=MAX_TOTAL_STANDSTILL_S,
@@ -143,7 +143,7 @@ def find_large_share_of_bridged_states(evidence: DoubtEvidence) -> Iterator[Find
         )
 
 
-GAPS = DoubtRule(
+BRIDGED_STATES_RULE = DoubtRule(
     summary="states that bridge gaps without a position",
     short_name="gaps without a position",
     threshold=MAX_BRIDGED_STATE_SHARE,
@@ -183,7 +183,7 @@ def _own_error_text(evidence: DoubtEvidence) -> str:
     return f" cwcli itself reckons with typical errors of {format_number(sigma_m, 2)} m (position on one axis)."
 
 
-NO_TRUTH = DoubtRule(
+NO_TRUTH_RULE = DoubtRule(
     summary="no truth of the car (a remark, not counted as a doubt)",
     threshold=1,
     unit="",

@@ -35,12 +35,12 @@ by hand; not fitted."""
 
 
 def add_planned_path_errors_at_horizons(
-    context: EvaluationContext, topic: str, known: tuple[str, FramePlacement] | None
+    context: EvaluationContext, topic: str, placed_frame: tuple[str, FramePlacement] | None
 ) -> None:
     """Add the errors of another system's paths at the horizons.
 
     Args:
-        known: Name and placement of a frame of the same system; None: unknown.
+        placed_frame: Name and placement of a frame of the same system; None: unknown.
 
     Raises:
         UsageError: Its messages are no paths.
@@ -52,7 +52,7 @@ def add_planned_path_errors_at_horizons(
     assert isinstance(signal, PathSignal)
     ego = reference.motion.interpolate_motion(reference.stamp_ns, signal.stamp_ns)
     rows = np.flatnonzero(np.isfinite(ego.xy_m).all(axis=1))
-    placing = _find_frame_placement(context, signal, ego, known)
+    placing = _find_frame_placement(context, signal, ego, placed_frame)
     if not len(rows) or (placing is None and signal.frame_id not in VEHICLE_FRAMES):
         raise DataError("its paths are of no time at which the ego is known", where=f"{context.log.name}: {topic}")
     n_timeless = sum(bool(np.isnan(signal.time_s[_path_point_slice(signal, k)]).any()) for k in rows.tolist())
@@ -100,13 +100,13 @@ def _path_point_slice(signal: PathSignal, k: int) -> slice:
 
 
 def _find_frame_placement(
-    context: EvaluationContext, signal: PathSignal, ego: EgoMotion, known: tuple[str, FramePlacement] | None
+    context: EvaluationContext, signal: PathSignal, ego: EgoMotion, placed_frame: tuple[str, FramePlacement] | None
 ) -> FramePlacement | None:
     """Return the placement of the paths' frame in the map; None for the car's own frame, or if it can't be found."""
     if signal.frame_id in VEHICLE_FRAMES:
         return None
-    if known is not None and known[0] == signal.frame_id:
-        return known[1]
+    if placed_frame is not None and placed_frame[0] == signal.frame_id:
+        return placed_frame[1]
     first = signal.offsets[:-1]
     found = fit_frame_placement(np.column_stack([signal.x_m[first], signal.y_m[first]]), ego.xy_m)
     if found is not None:

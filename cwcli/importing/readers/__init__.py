@@ -39,7 +39,7 @@ def load_kind(name: str) -> ImportKind:
     return kind
 
 
-def find_kind(path: str) -> str:
+def find_kind_name(path: str) -> str:
     """Return the name of a file's kind.
 
     Raises:

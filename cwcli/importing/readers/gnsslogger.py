@@ -18,7 +18,7 @@ READ_LINE_KINDS = ("Fix", "UncalAccel", "UncalGyro", "Accel", "Gyro")
 """First cells of the lines that are read."""
 POSITION_PROVIDERS = ("GPS", "gps", "FLP", "fused", "NLP", "network")
 """Providers of positions, the best first."""
-_PRESETS = {
+_PRESET_BY_COLUMN = {
     "UnixTimeMillis": Preset("time", "ms"),
     "utcTimeMillis": Preset("time", "ms"),
     "(UTC)TimeInMs": Preset("time", "ms"),
@@ -76,7 +76,7 @@ def _read_gnsslogger_tables(path: str, answers: Answers) -> Sequence[SourceTable
 def _with_gnsslogger_presets(table: SourceTable, notes: list[str]) -> SourceTable:
     from dataclasses import replace
 
-    presets = {column: _PRESETS.get(column, Preset("ignored")) for column in table.columns}
+    presets = {column: _PRESET_BY_COLUMN.get(column, Preset("ignored")) for column in table.columns}
     return replace(
         table, presets=presets, is_device_frame=True, attitude_is_of_device=True, notes=[*table.notes, *notes]
     )

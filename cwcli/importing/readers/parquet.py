@@ -15,7 +15,7 @@ from cwcli.importing.tables import Answers, ColumnsOfRows, SourceTable
 if TYPE_CHECKING:
     from cwcli.importing.cells import ArrowArray
 
-FIRST_AND_LAST_BYTES = b"PAR1"
+PARQUET_MAGIC_BYTES = b"PAR1"
 """First and last bytes of a Parquet file."""
 MAX_FOOTER_BYTES = 16_000_000
 """Greatest size of the description at the end of a file; it takes ten times as much memory. Chosen by hand: a thousand
@@ -25,7 +25,7 @@ ROWS_PER_BATCH = 65_536
 
 
 def _accepts_parquet_file(head: FileHead) -> bool:
-    return head.data.startswith(FIRST_AND_LAST_BYTES)
+    return head.data.startswith(PARQUET_MAGIC_BYTES)
 
 
 def _read_parquet_tables(path: str, answers: Answers) -> Sequence[SourceTable]:

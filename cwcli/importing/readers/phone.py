@@ -43,7 +43,7 @@ ACCELERATION_TABLES = ("totalacceleration", "accelerometeruncalibrated", "accele
 """Tables of accelerations, those with gravity first."""
 TURN_RATE_TABLES = ("gyroscope", "gyroscopeuncalibrated")
 """Tables of turn rates, the best first."""
-_SENSOR_LOGGER = {
+_SENSOR_LOGGER_PRESETS = {
     "time": Preset("time", "ns"),
     "latitude": Preset("latitude", "deg"),
     "longitude": Preset("longitude", "deg"),
@@ -126,16 +126,16 @@ def _names_of_tables_to_read(members: dict[str, zipfile.ZipInfo]) -> list[str]:
     return table_names
 
 
-def _require_bounded_total(members: dict[str, zipfile.ZipInfo], wanted: list[str], path: str) -> None:
+def _require_bounded_total(members: dict[str, zipfile.ZipInfo], names: list[str], path: str) -> None:
     """Check that the tables are together no more than a recording.
 
     Raises:
         InputError: They are.
     """
-    n_bytes = sum(members[name].file_size for name in wanted)
-    if len(wanted) > MAX_TABLES_READ_FROM_ZIP or n_bytes > MAX_UNPACKED_TABLE_BYTES:
+    n_bytes = sum(members[name].file_size for name in names)
+    if len(names) > MAX_TABLES_READ_FROM_ZIP or n_bytes > MAX_UNPACKED_TABLE_BYTES:
         raise InputError(
-            f"{format_count(len(wanted), 'table')} unpack to {n_bytes / 1e6:,.0f} MB: it is no recording of a phone",
+            f"{format_count(len(names), 'table')} unpack to {n_bytes / 1e6:,.0f} MB: it is no recording of a phone",
             where=path,
             hint=f"unpack it, and import at most {MAX_TABLES_READ_FROM_ZIP} tables",
         )
@@ -201,7 +201,7 @@ def with_phone_units_and_time_base(table: SourceTable, name: str, start: bytes) 
     presets: dict[str, Preset] = {}
     if is_sensor_logger:
         if name in POSITION_TABLES:
-            presets = {column: _SENSOR_LOGGER.get(column, Preset("ignored")) for column in table.columns}
+            presets = {column: _SENSOR_LOGGER_PRESETS.get(column, Preset("ignored")) for column in table.columns}
         else:
             kind, unit = ("gyro", "radps") if name in TURN_RATE_TABLES else ("accel", "mps2")
             presets = {axis: Preset(f"{kind}_{axis}", unit) for axis in "xyz"} | {"time": Preset("time", "ns")}

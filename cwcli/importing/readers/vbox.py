@@ -32,7 +32,7 @@ QUANTITY_AND_SIGN_BY_MINUTES_COLUMN = {
     "longitude": ("longitude", -1.0),
 }
 """Column of minutes -> its quantity, and 1, or -1 as longitudes count to the west."""
-SPEED_UNITS = {"": "kmh", "kmh": "kmh", "mph": "mph", "knots": "knots", "kts": "knots"}
+SPEED_UNIT_BY_HEADER_WORD = {"": "kmh", "kmh": "kmh", "mph": "mph", "knots": "knots", "kts": "knots"}
 """Word behind `velocity` in the header -> unit; without one it is km/h."""
 
 
@@ -40,7 +40,7 @@ def _accepts_vbox_file(head: FileHead) -> bool:
     return "[column names]" in head.lines and "[data]" in head.lines
 
 
-def _section(lines: Sequence[str], name: str) -> list[str]:
+def _lines_of_section(lines: Sequence[str], name: str) -> list[str]:
     """Return the lines of a section that are not empty."""
     if name not in lines:
         return []
@@ -55,7 +55,7 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     if head is None:
         raise no_text_error(path)
     lines = [line.strip() for line in head.lines]
-    names = " ".join(_section(lines, "[column names]")[:1]).split()
+    names = " ".join(_lines_of_section(lines, "[column names]")[:1]).split()
     if "time" not in names:
         raise DataError("its columns have no time", where=path, found=tuple(names))
     layout = TextLayout(" ", tuple(names), {}, lines.index("[data]") + 1)
@@ -68,7 +68,7 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
             columns_read: dict[str, object] = {}
             for name in columns:
                 if name == "time":
-                    columns_read[name] = _stamps_ns(batch[name], last_ns) + day_ns
+                    columns_read[name] = _ns_since_first_midnight(batch[name], last_ns) + day_ns
                 elif name in QUANTITY_AND_SIGN_BY_MINUTES_COLUMN:
                     columns_read[name] = (
                         read_number_cells_and_count_bad(batch[name], ".")[0]
@@ -85,8 +85,8 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
         for name in names
         if name in QUANTITY_AND_SIGN_BY_MINUTES_COLUMN
     }
-    speed = next((line for line in _section(lines, "[header]") if line.startswith("velocity")), "")
-    unit = SPEED_UNITS.get(speed.removeprefix("velocity").strip(" []()").replace("/", ""), "")
+    speed = next((line for line in _lines_of_section(lines, "[header]") if line.startswith("velocity")), "")
+    unit = SPEED_UNIT_BY_HEADER_WORD.get(speed.removeprefix("velocity").strip(" []()").replace("/", ""), "")
     presets |= {"velocity": Preset("speed", unit or find_unit(speed.removeprefix("velocity"), "speed"))}
     presets |= {"heading": Preset("course", "deg-cw-north"), "height": Preset("altitude", "m")}
     present_presets = {name: each for name, each in presets.items() if name in names}
@@ -114,7 +114,7 @@ def _day_and_notes(lines: Sequence[str], answers: Answers) -> tuple[int, list[st
         return 0, [f"{found[0]!r} is no date: stamps count from midnight (--start names the day)"]
 
 
-def _stamps_ns(array: object, last_ns: list[int]) -> np.ndarray:
+def _ns_since_first_midnight(array: object, last_ns: list[int]) -> np.ndarray:
     """Return ns since the first midnight (n,), -1 where there is no time of day; remembers the last row."""
     times = times_of_day_from_digits(Instants(*read_whole_units_fraction_and_validity(array, ".")))
     if times is None or not times.valid.any():

@@ -39,13 +39,13 @@ MAX_PREALLOCATED_BYTES = 1 << 28
 
 @lru_cache(maxsize=32)
 def _compile_program_and_xcdr2_operations(
-    schema_name: str, schema_data: bytes, wanted: frozenset[str] | None, blobs: frozenset[str]
+    schema_name: str, schema_data: bytes, leaf_paths: frozenset[str] | None, blobs: frozenset[str]
 ) -> tuple[CdrProgram, npt.NDArray[np.int32]]:
-    """Compile a schema to a program, and to its operations for XCDR2; `wanted`: leaf paths, None for all."""
+    """Compile a schema to a program, and to its operations for XCDR2; `leaf_paths`: leaf paths, None for all."""
     root, definitions = parse_message_definitions(schema_name, schema_data.decode(errors="replace"))
 
     def is_wanted_leaf(path: str, is_octets: bool) -> bool:
-        return not is_octets if wanted is None else path in wanted
+        return not is_octets if leaf_paths is None else path in leaf_paths
 
     program = compile_cdr_program(root, definitions, is_wanted_leaf, blobs=blobs)
     second = compile_cdr_program(root, definitions, is_wanted_leaf, blobs=blobs, max_align=MAX_ALIGNMENT_XCDR2_BYTES)

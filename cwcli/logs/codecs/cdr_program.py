@@ -163,12 +163,12 @@ class _Compiler:
                     else:
                         self.compile_message(each.type, f"{path}.", (*parents, name))
 
-    def _compile_primitive_field(self, each: MessageField, path: str) -> None:
-        dtype = PRIMITIVE_DTYPES[each.type]
-        is_octets = each.is_sequence and each.type in OCTET_TYPES
+    def _compile_primitive_field(self, field: MessageField, path: str) -> None:
+        dtype = PRIMITIVE_DTYPES[field.type]
+        is_octets = field.is_sequence and field.type in OCTET_TYPES
         is_wanted = self.wants(path, is_octets)
-        is_bool = each.type == "bool"
-        if each.is_sequence:
+        is_bool = field.type == "bool"
+        if field.is_sequence:
             size = int(dtype[1])
             if path in self.blobs and is_octets and not self.loops:
                 self._emit_operation(OP_BLOB, 4, 0, 0, self._add_leaf_and_get_slot(LeafColumn(path, "blob")))
@@ -181,17 +181,17 @@ class _Compiler:
                 self._emit_operation(OP_SEQUENCE, min(size, self.max_align), size, 0, slot)
             self._mark_alignment_unknown()
         elif not is_wanted:
-            self._emit_primitives(dtype, each.length or 1, None)
+            self._emit_primitives(dtype, field.length or 1, None)
         elif self.loops:
-            counts = [*self.loops, each.length or 1]
+            counts = [*self.loops, field.length or 1]
             static = None if None in counts else math.prod(n for n in counts if n is not None)
             if static is not None and static > MAX_ELEMENTS_PER_MESSAGE:
                 raise SchemaError(f"{path} has {static:.3g} elements in every message")
             slot = self._add_ragged_leaf_and_get_slot(LeafColumn(path, "ragged", dtype, static, is_bool))
-            self._emit_primitives(dtype, each.length or 1, (OP_APPEND, slot))
+            self._emit_primitives(dtype, field.length or 1, (OP_APPEND, slot))
         else:
-            slot = self._add_leaf_and_get_slot(LeafColumn(path, "fixed", dtype, each.length, is_bool))
-            self._emit_primitives(dtype, each.length or 1, (OP_FIXED, slot))
+            slot = self._add_leaf_and_get_slot(LeafColumn(path, "fixed", dtype, field.length, is_bool))
+            self._emit_primitives(dtype, field.length or 1, (OP_FIXED, slot))
 
     def _compile_string(self, path: str) -> None:
         is_wanted = not self.loops and self.wants(path, False)
@@ -201,21 +201,21 @@ class _Compiler:
         self._mark_alignment_unknown()
 
     @contextmanager
-    def _enclose_in_loop(self, each: MessageField) -> Iterator[None]:
+    def _enclose_in_loop(self, field: MessageField) -> Iterator[None]:
         """Enclose the operations emitted inside in a loop, if the field is a sequence or an array."""
-        if not each.is_sequence and each.length is None:
+        if not field.is_sequence and field.length is None:
             yield
             return
         self.has_loops = True
         if len(self.loops) == MAX_SEQUENCE_NESTING:
             raise SchemaError("sequences are nested too deeply")
         begin = len(self.operations)
-        if each.is_sequence:
+        if field.is_sequence:
             self._emit_operation(OP_LOOP, 4, 0, 0, -1)
         else:
-            self._emit_operation(OP_REPEAT, 1, 0, each.length or 1, -1)
+            self._emit_operation(OP_REPEAT, 1, 0, field.length or 1, -1)
         self._mark_alignment_unknown()
-        self.loops.append(each.length)
+        self.loops.append(field.length)
         yield
         self.loops.pop()
         self._emit_operation(OP_END, 1, 0, 0, -1)

@@ -166,24 +166,24 @@ class _CdrReader:
             self._read_numbers("u1", 1)  # an empty message has one octet
         return {each.name: self._read_field(each) for each in fields}
 
-    def _read_field(self, each: MessageField) -> object:
-        if not each.is_sequence and each.length is None:
-            return self._read_element(each)
-        n = int(self._read_numbers("u4", 1)[0]) if each.is_sequence else each.length or 0
+    def _read_field(self, field: MessageField) -> object:
+        if not field.is_sequence and field.length is None:
+            return self._read_element(field)
+        n = int(self._read_numbers("u4", 1)[0]) if field.is_sequence else field.length or 0
         if n > len(self._data) - self._at:  # an element has an octet at least
             raise UndecodableMessage("cut short")
-        if each.type in PRIMITIVE_DTYPES:
-            values = self._read_numbers(PRIMITIVE_DTYPES[each.type], n)
-            return [value != 0 for value in values] if each.type == "bool" else list(values)
-        return [self._read_element(each) for _ in range(n)]
+        if field.type in PRIMITIVE_DTYPES:
+            values = self._read_numbers(PRIMITIVE_DTYPES[field.type], n)
+            return [value != 0 for value in values] if field.type == "bool" else list(values)
+        return [self._read_element(field) for _ in range(n)]
 
-    def _read_element(self, each: MessageField) -> object:
-        if each.type == STRING_TYPE:
+    def _read_element(self, field: MessageField) -> object:
+        if field.type == STRING_TYPE:
             return self._read_text()
-        if each.type not in PRIMITIVE_DTYPES:
-            return self.read_message(each.type)
-        (value,) = self._read_numbers(PRIMITIVE_DTYPES[each.type], 1)
-        return value != 0 if each.type == "bool" else value
+        if field.type not in PRIMITIVE_DTYPES:
+            return self.read_message(field.type)
+        (value,) = self._read_numbers(PRIMITIVE_DTYPES[field.type], 1)
+        return value != 0 if field.type == "bool" else value
 
     def _read_numbers(self, dtype: str, n: int) -> tuple[Any, ...]:
         if not n:

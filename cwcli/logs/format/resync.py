@@ -21,7 +21,7 @@ from cwcli.logs.format.records import (
     read_opcode_and_content_range,
 )
 
-N_RECORDS_TO_VERIFY = 4
+N_CONSECUTIVE_RECORDS_TO_VERIFY = 4
 """The number of consecutive records that must be plausible. Chosen by hand."""
 SEARCH_BLOCK_BYTES = 4 << 20
 """Bytes that are searched at a time. Chosen by hand."""
@@ -52,7 +52,7 @@ def find_next_record_offset_or_end(data: ByteSource, at: int, known_channel_ids:
 
 def is_plausible_record(data: ByteSource, at: int, known_channel_ids: Container[int]) -> bool:
     """Tell whether a plausible record begins at an offset; arguments as for `find_next_record_offset_or_end`."""
-    for _ in range(N_RECORDS_TO_VERIFY):
+    for _ in range(N_CONSECUTIVE_RECORDS_TO_VERIFY):
         try:
             opcode, start, end = read_opcode_and_content_range(data, at, len(data))
             if opcode == Opcode.CHUNK:

@@ -97,7 +97,7 @@ class _TopicCollector:
 def load_columns(
     reader: MessageReader,
     channels: Mapping[str, Sequence[ChannelInfo]],
-    wanted: Mapping[str, Collection[str] | None],
+    fields_by_topic: Mapping[str, Collection[str] | None],
     faults: Faults,
     name: str,
     logged: tuple[int, int] | None = None,
@@ -106,7 +106,7 @@ def load_columns(
 
     Args:
         channels: Topic -> its channels, at least one each.
-        wanted: Topic -> leaf fields, or None for all.
+        fields_by_topic: Topic -> leaf fields, or None for all.
         name: The file's name, for messages.
         logged: Read only chunks with messages logged in [start, end) ns; undecodable messages in them are not counted.
 
@@ -116,10 +116,10 @@ def load_columns(
     """
     if logged is not None:
         reader.distrust_indexes_if_miscounted([each.id for own in channels.values() for each in own])
-    loaded, miscounted = _load_columns_and_miscounts(reader, channels, wanted, faults, name, logged)
+    loaded, miscounted = _load_columns_and_miscounts(reader, channels, fields_by_topic, faults, name, logged)
     was_damaged = faults.chunks_lost or faults.bytes_lost or faults.truncated
     if miscounted and not was_damaged and reader.distrust_indexes_if_not_yet():  # an index may leave a channel out
-        loaded, miscounted = _load_columns_and_miscounts(reader, channels, wanted, faults, name, logged)
+        loaded, miscounted = _load_columns_and_miscounts(reader, channels, fields_by_topic, faults, name, logged)
     if not was_damaged:
         faults.miscounted_channel_ids |= miscounted
     return loaded
@@ -128,7 +128,7 @@ def load_columns(
 def _load_columns_and_miscounts(
     reader: MessageReader,
     channels: Mapping[str, Sequence[ChannelInfo]],
-    wanted: Mapping[str, Collection[str] | None],
+    fields_by_topic: Mapping[str, Collection[str] | None],
     faults: Faults,
     name: str,
     logged: tuple[int, int] | None,
@@ -136,7 +136,7 @@ def _load_columns_and_miscounts(
     """Load columns once; return them and the ids of channels with another number of messages than the file says."""
     topics: list[_TopicCollector] = []
     topic_of = np.zeros(1 << 16, np.int64)
-    for topic_name, fields in wanted.items():
+    for topic_name, fields in fields_by_topic.items():
         own = channels[topic_name]
         check_single_schema(own, name)
         n_expected = sum(channel.message_count or 0 for channel in own) if logged is None else 0

@@ -115,7 +115,7 @@ def _convert_bag_file(file: InputFile, bounds: ReadBounds, *, is_ros1: bool) -> 
 
 
 def _convert_into_temporary_file(
-    file: InputFile, fill: Callable[[IO[bytes]], None], more: Sequence[InputFile] = ()
+    file: InputFile, fill: Callable[[IO[bytes]], None], files_read_with_it: Sequence[InputFile] = ()
 ) -> ConvertedFile:
     """A temporary file that `fill` has written, in place of `file` and what was read with it."""
     import tempfile
@@ -124,7 +124,7 @@ def _convert_into_temporary_file(
         with tempfile.TemporaryFile(prefix="cwcli-", suffix=".mcap") as target:
             fill(target)
             target.flush()
-            return ConvertedFile(os.dup(target.fileno()), file, more)
+            return ConvertedFile(os.dup(target.fileno()), file, files_read_with_it)
     except OSError as error:
         raise OutputError(
             f"{file.name} can't be converted: {error.strerror}",

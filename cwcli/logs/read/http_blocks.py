@@ -34,9 +34,9 @@ WEB_SCHEMES = ("http", "https")
 """The schemes that are read here, and to which redirects may lead."""
 ZLIB_WINDOW_BITS_OF_ANY_STREAM = zlib.MAX_WBITS | 32
 """The window bits with which zlib unpacks gzip and zlib streams of any window (32: it finds out which)."""
-ENCODINGS_OF_ZLIB = ("gzip", "x-gzip", "deflate")
+ZLIB_CONTENT_ENCODINGS = ("gzip", "x-gzip", "deflate")
 """Content encodings that are unpacked (RFC 9110, 8.4.1)."""
-_CONTENT_RANGE = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18}|\*)$")
+_CONTENT_RANGE_PATTERN = re.compile(r"bytes (\d{1,18})-(\d{1,18})/(\d{1,18}|\*)$")
 """The pattern of the header that says which range a body is."""
 
 
@@ -49,23 +49,23 @@ def iter_http_blocks(url: str, bounds: ReadBounds) -> Iterator[bytes]:
     """
     with _request_url(url, bounds.timeout_s) as response:
         encoding = response.headers.get("Content-Encoding", "identity").strip().lower()
-        if encoding in ENCODINGS_OF_ZLIB:
-            yield from _iter_unpacked(_iter_body(url, response), url, bounds)
+        if encoding in ZLIB_CONTENT_ENCODINGS:
+            yield from _iter_unpacked_body(_iter_response_body(url, response), url, bounds)
         elif encoding in ("identity", ""):
-            yield from _iter_resumed(url, response, bounds)
+            yield from _iter_body_resuming(url, response, bounds)
         else:
             what = f"the server sends it in the encoding {encoding[:40]!r}, which is not read"
             raise InputError(what, where=display_name_of_url(url), hint="copy the log to this machine")
 
 
-def _iter_resumed(url: str, response: Any, bounds: ReadBounds) -> Iterator[bytes]:
+def _iter_body_resuming(url: str, response: Any, bounds: ReadBounds) -> Iterator[bytes]:
     """Yield a body, and where it breaks off, the rest from further requests."""
     version = response.headers.get("ETag", "")
     n_bytes, left = 0, MAX_DOWNLOAD_RESUMPTIONS
     total = response.length
     while True:
         try:
-            for block in _iter_body(url, response):
+            for block in _iter_response_body(url, response):
                 n_bytes += len(block)
                 yield block
             return
@@ -77,7 +77,9 @@ def _iter_resumed(url: str, response: Any, bounds: ReadBounds) -> Iterator[bytes
         headers = {"Range": f"bytes={n_bytes}-", "If-Range": version}
         response = _request_url(url, bounds.timeout_s, headers)
         broken.close()
-        found = _CONTENT_RANGE.match(response.headers.get("Content-Range", "")) if response.status == 206 else None
+        found = (
+            _CONTENT_RANGE_PATTERN.match(response.headers.get("Content-Range", "")) if response.status == 206 else None
+        )
         if found is None:
             response.close()
             raise http.client.IncompleteRead(b"", total - n_bytes)
@@ -90,7 +92,7 @@ def _iter_resumed(url: str, response: Any, bounds: ReadBounds) -> Iterator[bytes
             )
 
 
-def _iter_body(url: str, response: Any) -> Iterator[bytes]:
+def _iter_response_body(url: str, response: Any) -> Iterator[bytes]:
     """Yield the body of one answer.
 
     Raises:
@@ -105,7 +107,7 @@ def _iter_body(url: str, response: Any) -> Iterator[bytes]:
         raise http.client.IncompleteRead(b"", length - n_bytes)
 
 
-def _iter_unpacked(blocks: Iterator[bytes], url: str, bounds: ReadBounds) -> Iterator[bytes]:
+def _iter_unpacked_body(blocks: Iterator[bytes], url: str, bounds: ReadBounds) -> Iterator[bytes]:
     """Yield what a body in gzip or zlib unpacks to.
 
     Raises:

@@ -199,7 +199,7 @@ class Log:
         return (*found, *(each for each in self.added_metadata.items() if each[0].startswith(prefix)))
 
     def load_topics(
-        self, wanted: Mapping[str, Collection[str] | None], *, logged: tuple[int, int] | None = None
+        self, fields_by_topic: Mapping[str, Collection[str] | None], *, logged: tuple[int, int] | None = None
     ) -> dict[str, Columns]:
         """Load topics as columns, in one pass over the file.
 
@@ -207,7 +207,7 @@ class Log:
         columns of a message's fields see `cwcli.signals.columns.Columns` and the decoders in `cwcli.logs.codecs`.
 
         Args:
-            wanted: Topic -> dotted leaf fields, or None for all. Fields that the messages do not have are left out.
+            fields_by_topic: Topic -> dotted leaf fields, or None for all. Fields that no message has are left out.
             logged: Only messages logged in [start, end) ns; chunks of the file without any are not opened.
 
         Raises:
@@ -218,7 +218,7 @@ class Log:
         in_memory = {channel.topic: channel for channel in self.added_channels}
         loaded: dict[str, Columns] = {}
         from_file: dict[str, Collection[str] | None] = {}
-        for topic, fields in wanted.items():
+        for topic, fields in fields_by_topic.items():
             if topic in in_memory:
                 loaded[topic] = self._column_cache.columns_of_channel(in_memory[topic], fields)
             elif (known := self._column_cache.find_file_columns(topic, fields)) is not None:
@@ -234,7 +234,7 @@ class Log:
             for topic, columns in decoded.items() if logged is None else ():
                 self._column_cache.store_file_columns(columns, from_file[topic])
             loaded.update(decoded)
-        return {topic: loaded[topic].slice_by_log_time(*(logged or (None, None))) for topic in wanted}
+        return {topic: loaded[topic].slice_by_log_time(*(logged or (None, None))) for topic in fields_by_topic}
 
     def columns(self, topic: str, fields: Collection[str] | None = None) -> Columns:
         """Load one topic as columns; see `load`."""

@@ -12,13 +12,13 @@ MAX_CHANNELS = 0xFFFF
 
 
 def iter_schemas_and_channels(
-    connections: Any, own: Mapping[str, bytes], store: Any, notes: dict[str, int]
+    connections: Any, definitions_of_recording: Mapping[str, bytes], store: Any, notes: dict[str, int]
 ) -> Iterator[Schema | Channel]:
     """Yield schemas and channels; channels of undefined types have no schema, which `notes` gets.
 
     Args:
         connections: Topics with `id`, `topic` and `msgtype`.
-        own: Type -> its definition (`ros2msg`).
+        definitions_of_recording: Type -> its definition (`ros2msg`).
         store: Type store of `rosbags` for other types, or None.
         notes: Gets undefined types, as text -> 1.
 
@@ -31,7 +31,7 @@ def iter_schemas_and_channels(
         raise ValueError(f"it has {len(connections)} topics, and a log has room for {MAX_CHANNELS}")
     for each in connections:
         if each.msgtype not in schema_ids:
-            text = own.get(each.msgtype) or _definition_from_store(store, each.msgtype)
+            text = definitions_of_recording.get(each.msgtype) or _definition_from_store(store, each.msgtype)
             if text is None:
                 unknown.add(each.msgtype)
                 schema_ids[each.msgtype] = 0

@@ -24,18 +24,18 @@ from cwcli.logs.read.read_bounds import COPY_BLOCK_BYTES
 
 WAL_SUFFIX, JOURNAL_SUFFIX = "-wal", "-journal"
 """The suffixes of a write-ahead log and of a rollback journal (https://www.sqlite.org/fileformat2.html)."""
-WAL_HEADER = struct.Struct(">IIIIIIII")
+WAL_HEADER_STRUCT = struct.Struct(">IIIIIIII")
 """The header of a write-ahead log: magic number, version, page size in bytes, number of the checkpoint, two salts, two
 checksums (https://www.sqlite.org/walformat.html)."""
-WAL_FRAME_HEADER = struct.Struct(">IIIIII")
+WAL_FRAME_HEADER_STRUCT = struct.Struct(">IIIIII")
 """The header of a frame in a write-ahead log: page, size of the database, two salts, two checksums; the page
 follows."""
 WAL_MAGIC_NUMBERS = (0x377F0682, 0x377F0683)
 """The magic numbers of a write-ahead log, one for each byte order of its checksums (sqlite.org/fileformat2.html)."""
-WAL_HEADER_SALTS = slice(4, 6)
-"""The places of the salts among the numbers of `WAL_HEADER`."""
-FRAME_SALTS = slice(2, 4)
-"""The places of the salts among the numbers of `WAL_FRAME_HEADER`."""
+SALT_INDICES_OF_WAL_HEADER = slice(4, 6)
+"""The places of the salts among the numbers of `WAL_HEADER_STRUCT`."""
+SALT_INDICES_OF_WAL_FRAME = slice(2, 4)
+"""The places of the salts among the numbers of `WAL_FRAME_HEADER_STRUCT`."""
 
 SQLITE_LIMITS = {
     "SQLITE_LIMIT_SQL_LENGTH": 100_000,
@@ -221,15 +221,17 @@ def _count_messages_without_journals_or_zero(path: Path, max_value_bytes: int, n
 
 def _count_current_wal_frames(wal: InputFile) -> int:
     """Return the number of frames in a write-ahead log that belong to its current checkpoint, whole or not."""
-    if len(wal) < WAL_HEADER.size:
+    if len(wal) < WAL_HEADER_STRUCT.size:
         return 0
-    header = WAL_HEADER.unpack(wal[: WAL_HEADER.size])
+    header = WAL_HEADER_STRUCT.unpack(wal[: WAL_HEADER_STRUCT.size])
     page_bytes = header[2]
     if header[0] not in WAL_MAGIC_NUMBERS or not page_bytes:
         return 0
-    places = range(WAL_HEADER.size, len(wal) - WAL_FRAME_HEADER.size + 1, WAL_FRAME_HEADER.size + page_bytes)
-    frames = (WAL_FRAME_HEADER.unpack(wal[at : at + WAL_FRAME_HEADER.size]) for at in places)
-    return sum(frame[FRAME_SALTS] == header[WAL_HEADER_SALTS] for frame in frames)
+    places = range(
+        WAL_HEADER_STRUCT.size, len(wal) - WAL_FRAME_HEADER_STRUCT.size + 1, WAL_FRAME_HEADER_STRUCT.size + page_bytes
+    )
+    frames = (WAL_FRAME_HEADER_STRUCT.unpack(wal[at : at + WAL_FRAME_HEADER_STRUCT.size]) for at in places)
+    return sum(frame[SALT_INDICES_OF_WAL_FRAME] == header[SALT_INDICES_OF_WAL_HEADER] for frame in frames)
 
 
 def _add_positive_note(notes: dict[str, int], what: str, n: int) -> None:

@@ -49,9 +49,9 @@ if TYPE_CHECKING:
 Content = Schema | Channel | tuple[int, int, bytes]
 """A schema, a channel, or the channel's number, log time in ns and payload of a message."""
 
-VERSION_LINES = {b"#ROSBAG V2.0\n": "2.0", b"#ROSBAG V1.2\n": "1.2"}
+BAG_VERSION_BY_FIRST_LINE = {b"#ROSBAG V2.0\n": "2.0", b"#ROSBAG V1.2\n": "1.2"}
 """First line of a bag -> its version (http://wiki.ros.org/Bags/Format)."""
-VERSION_LINE_BYTES = 13
+BAG_VERSION_LINE_BYTES = 13
 """The size in bytes of the first line of a bag, which names its version."""
 OP_DEFINITION, OP_MESSAGE, OP_FILE_HEADER, OP_INDEX, OP_CHUNK, OP_CHUNK_INFO, OP_CONNECTION = range(1, 8)
 """The kinds of records; a definition occurs in version 1.2 alone."""
@@ -69,7 +69,7 @@ MAX_TYPE_NAME_CHARS = 512
 """The greatest length of a type's name. Chosen by hand."""
 DAMAGED_CHUNKS_NOTE = "damaged chunks"
 """The note on chunks that were read in part or not at all."""
-CUT_BAG_NOTE = "a bag without an index, or cut: messages may be missing at its end"
+UNFINISHED_BAG_NOTE = "a bag without an index, or cut: messages may be missing at its end"
 """The note on a bag that its recorder did not finish."""
 
 
@@ -124,15 +124,15 @@ class BagReader:
         Raises:
             InputError: It is damaged or cut, and the bounds do not say to recover; or it can't be read at all.
         """
-        version = VERSION_LINES.get(bytes(self._file[:VERSION_LINE_BYTES]))
+        version = BAG_VERSION_BY_FIRST_LINE.get(bytes(self._file[:BAG_VERSION_LINE_BYTES]))
         if version is None:
-            first = bytes(self._file[:VERSION_LINE_BYTES]).partition(b"\n")[0].decode("ascii", "replace")
+            first = bytes(self._file[:BAG_VERSION_LINE_BYTES]).partition(b"\n")[0].decode("ascii", "replace")
             raise InputError(
                 f"bags that begin with {first!r} are not read, those of the versions 2.0 and 1.2 are",
                 where=self._file.name,
                 hint="ROS 1 converts it: `rosbag fix` or `rosbag migrate`",
             )
-        yield from self._iter_records(VERSION_LINE_BYTES)
+        yield from self._iter_records(BAG_VERSION_LINE_BYTES)
         self._count_differences_from_index()
 
     def _iter_records(self, at: int) -> Iterator[Content]:
@@ -213,7 +213,7 @@ class BagReader:
         try:
             self._is_in_chunk = True
             while not source.is_at_end():
-                yield from self._iter_held_messages(source)
+                yield from self._iter_messages_in_recorder_form(source)
                 if not source.is_at_end():
                     yield from self._iter_record(take_record_head(source), source)
         except BagError as error:
@@ -292,7 +292,7 @@ class BagReader:
             self._types[name, text] = _Type(0, None)
             self._count_fault(f"message types whose definition can't be used ({shown[:80]}: {error})")
 
-    def _iter_held_messages(self, source: PieceSource) -> Iterator[Content]:
+    def _iter_messages_in_recorder_form(self, source: PieceSource) -> Iterator[Content]:
         """Yield the messages that come next, as long as they are as recorders write them."""
         for key, log_time_ns, data in source.take_messages(self._bounds.max_chunk_bytes):
             message = self._converted_message_or_none(key, log_time_ns, data)
@@ -365,9 +365,9 @@ class BagReader:
 
     def _count_missing_end_once(self) -> None:
         """Note, once, that the end of the bag is missing; raise as `_count_damage_or_raise` does."""
-        if CUT_BAG_NOTE not in self._source.notes:
+        if UNFINISHED_BAG_NOTE not in self._source.notes:
             self._count_damage_or_raise(
-                CUT_BAG_NOTE, "it has no index or is cut, as a recorder leaves it that was killed"
+                UNFINISHED_BAG_NOTE, "it has no index or is cut, as a recorder leaves it that was killed"
             )
 
     def _count_damage_or_raise(self, what: str, detail: str = "", *, hint: str = "") -> None:

@@ -138,8 +138,8 @@ class Ros1Converter:
         if plan is not None:
             return plan.template % plan.cut.unpack(data)
         conversion = _Conversion(data)
-        conversion.reserve(self._layout, 1)
-        conversion.run(self._layout)
+        conversion.count_inner_messages_or_raise(self._layout, 1)
+        conversion.convert_message(self._layout)
         if conversion.at != len(data):
             raise ConversionError("the message is longer than its definition")
         if self._n_plans < MAX_CACHED_PLANS_PER_TYPE and conversion.is_plannable:
@@ -270,7 +270,7 @@ class _Conversion:
         template += bytes(self.out[out_at:]).replace(b"%", b"%%")
         return Plan(struct.Struct("".join(layout)), bytes(template))
 
-    def reserve(self, layout: Layout, n: int) -> None:
+    def count_inner_messages_or_raise(self, layout: Layout, n: int) -> None:
         """Count `n` messages before any of them is converted.
 
         Raises:
@@ -285,8 +285,8 @@ class _Conversion:
         if n_bytes > len(self._data) - self.at:
             raise ConversionError("the message is shorter than its definition")
 
-    def run(self, layout: Layout) -> None:
-        """Convert one message; its least size is there (`reserve`), but not what lies behind lengths in it."""
+    def convert_message(self, layout: Layout) -> None:
+        """Convert one message; only its least size was checked before (`count_inner_messages_or_raise`)."""
         out = self.out
         for step in layout.steps:
             kind = step[0]
@@ -368,8 +368,8 @@ class _Conversion:
     def _convert_messages(self, layout: Layout, count: int | None) -> None:
         if count is None:
             n = self._copy_and_return_length()
-            self.reserve(layout, n)
+            self.count_inner_messages_or_raise(layout, n)
         else:  # counted with the message around it
             n = count
         for _ in range(n):
-            self.run(layout)
+            self.convert_message(layout)

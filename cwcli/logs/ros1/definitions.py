@@ -39,7 +39,7 @@ ROS1_HEADER_FIELDS = (
 """The fields of ROS 1's header (http://docs.ros.org/en/api/std_msgs/html/msg/Header.html)."""
 DEFINITION_SEPARATOR_LINE = "=" * 80
 """The line between two message definitions in the text of a connection (rosbag format 2.0)."""
-_CONSTANT = re.compile(r"^\s*(\w+)\s+(\w+)\s*=(.*)$")
+_CONSTANT_LINE_PATTERN = re.compile(r"^\s*(\w+)\s+(\w+)\s*=(.*)$")
 """The pattern of a line with a constant: type, name, value."""
 
 
@@ -83,7 +83,7 @@ def parse_ros1_definition(type_name: str, text: str) -> Ros1Definition:
 def _iter_constants_of_message(body: str) -> Iterator[Constant]:
     """Yield the constants of a message; a `#` in a text is part of it (http://wiki.ros.org/msg)."""
     for line in body.splitlines():
-        found = _CONSTANT.match(line)
+        found = _CONSTANT_LINE_PATTERN.match(line)
         if found is not None:
             kind, name, value = found.groups()
             yield Constant(kind, name, (value if kind == STRING_TYPE else value.partition("#")[0]).strip())

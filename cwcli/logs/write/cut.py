@@ -242,13 +242,13 @@ class _Cutter:
         counts: dict[int, int] = {}
         for channel_id in chunk.index_offsets:
             entries = find_message_index_entries(self._source.file, self._index, chunk, channel_id)
-            if entries is None or not self._are_log_times_between(entries[:, 0], chunk.start_ns, chunk.end_ns):
+            if entries is None or not self._are_all_log_times_between(entries[:, 0], chunk.start_ns, chunk.end_ns):
                 return None
             if len(entries):
                 counts[channel_id] = len(entries)
         return counts
 
-    def _are_log_times_between(self, log_time_ns: npt.NDArray[np.uint64], first_ns: int, last_ns: int) -> bool:
+    def _are_all_log_times_between(self, log_time_ns: npt.NDArray[np.uint64], first_ns: int, last_ns: int) -> bool:
         return not len(log_time_ns) or (int(log_time_ns.min()) >= first_ns and int(log_time_ns.max()) <= last_ns)
 
     def _copy_if_wholly_wanted(self, chunk: ChunkIndex, payload: memoryview) -> bool:
@@ -263,7 +263,7 @@ class _Cutter:
         times = [each["log_time"] for each in entries.values()]
         if not entries or not entries.keys() <= self._wanted_ids:
             return False
-        if not all(self._are_log_times_between(each, self._span.first_ns, self._span.last_ns) for each in times):
+        if not all(self._are_all_log_times_between(each, self._span.first_ns, self._span.last_ns) for each in times):
             return False
         content = ChunkPayload(
             np.frombuffer(payload, np.uint8),

@@ -16,7 +16,7 @@ from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.records import Channel
 from cwcli.logs.read.message_reader import MIN_MESSAGE_BYTES, MessageReader
 
-TRANSIENT_LOCAL = re.compile(r"durability:\s*(?:1\b|transient_local)", re.IGNORECASE)
+LATCHED_QOS_PATTERN = re.compile(r"durability:\s*(?:1\b|transient_local)", re.IGNORECASE)
 """Pattern of a quality of service whose messages are latched, in either spelling of rosbag2."""
 STATIC_TRANSFORMS_NAME = "tf_static"
 """Last part of the topic of static transforms (ROS REP 105); it has many publishers, of which each one latches."""
@@ -28,7 +28,7 @@ def is_latched(channel: Channel) -> bool:
     """Tell whether a channel's metadata or its topic says that its messages are latched."""
     if _is_static_transforms(channel) or channel.metadata.get("latching") == "1":
         return True
-    return TRANSIENT_LOCAL.search(channel.metadata.get("offered_qos_profiles", "")) is not None
+    return LATCHED_QOS_PATTERN.search(channel.metadata.get("offered_qos_profiles", "")) is not None
 
 
 def _is_static_transforms(channel: Channel) -> bool:

@@ -36,9 +36,9 @@ BYTES_OF_FULL_NEW_CHUNK = 1 << 20
 """The size in bytes at which a new chunk is full, in copies the expected one. Chosen by hand."""
 ENCODE_BLOCK_BYTES = 4 << 20
 """Bytes of messages that are encoded at a time. Chosen by hand."""
-N_PROBE_ROWS = 64
+N_ROWS_TO_MEASURE_MESSAGE_SIZE = 64
 """The number of rows that are encoded to learn the mean size of a message. Chosen by hand."""
-N_PROBE_ROWS_OF_STREAM = 2
+N_STREAMED_ROWS_TO_MEASURE_MESSAGE_SIZE = 2
 """The number of rows of a streamed channel that are encoded to learn the mean size of a message. Chosen by hand: each
 row may be an image."""
 MAX_ROWS_ENCODED_AT_ONCE = 512
@@ -73,7 +73,7 @@ class MessageFeed:
     publish_time_ns: Int64Array
     encode: Callable[[int, int], ByteRows]
     first_sequence: int = 0
-    probe_rows: int = N_PROBE_ROWS
+    probe_rows: int = N_ROWS_TO_MEASURE_MESSAGE_SIZE
     _next: int = 0
     _block_start: int = 0
     _block: ByteRows | None = field(default=None, repr=False)
@@ -89,7 +89,7 @@ class MessageFeed:
     def mean_message_bytes(self) -> float:
         """Return the mean size in bytes of a message with its header, from the first messages."""
         if not self._mean_size and len(self):
-            is_short = self.probe_rows == N_PROBE_ROWS and len(self) <= MAX_ROWS_ENCODED_AT_ONCE
+            is_short = self.probe_rows == N_ROWS_TO_MEASURE_MESSAGE_SIZE and len(self) <= MAX_ROWS_ENCODED_AT_ONCE
             probe = self.encode(0, len(self) if is_short else min(self.probe_rows, len(self)))
             if is_short:
                 self._block = probe
@@ -139,7 +139,7 @@ def feed_from_columns(channel: OutputChannel, channel_id: int) -> MessageFeed:
             times,
             times,
             lambda start, stop: schema.encode(make_rows(start, stop), stop - start),
-            probe_rows=N_PROBE_ROWS_OF_STREAM,
+            probe_rows=N_STREAMED_ROWS_TO_MEASURE_MESSAGE_SIZE,
         )
     for path, column in channel.fields.items():
         if len(column) != n:

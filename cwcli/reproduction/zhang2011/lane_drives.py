@@ -74,7 +74,7 @@ def run_methods_on_drives(
 
 
 def _run_method_on_drive(
-    key: str, drive: RoadDrive, frames: list[RoadFrame], found: MethodResults, row: int, seed: int
+    key: str, drive: RoadDrive, frames: list[RoadFrame], results: MethodResults, row: int, seed: int
 ) -> None:
     """Run one method on one drive and fill in its row of the results."""
     method = METHODS[key]
@@ -98,10 +98,10 @@ def _run_method_on_drive(
             prepared=prepared,
         )
         fit = search.step(lane_frame)
-        found.search_ms[row, k] = 1e3 * (time.thread_time() - middle)
-        found.prepare_ms[row, k] = 1e3 * (middle - begin)
-        found.is_correct[row, k] = is_fit_correct(frame, fit, size, by_stripe=True)
-        found.is_correct_by_centre[row, k] = is_fit_correct(frame, fit, size, by_stripe=False)
+        results.search_ms[row, k] = 1e3 * (time.thread_time() - middle)
+        results.prepare_ms[row, k] = 1e3 * (middle - begin)
+        results.is_correct[row, k] = is_fit_correct(frame, fit, size, by_stripe=True)
+        results.is_correct_by_centre[row, k] = is_fit_correct(frame, fit, size, by_stripe=False)
 
 
 @cache

@@ -98,7 +98,7 @@ def _share_inside_painted_stretches(edge_m: FloatArray, where_m: list[tuple[floa
 
 def _remaining_paint_share(
     rows: ImageRows,
-    at: np.ndarray[tuple[int], np.dtype[np.intp]],
+    row_indices: np.ndarray[tuple[int], np.dtype[np.intp]],
     columns: np.ndarray[tuple[int, int], np.dtype[np.intp]],
     middle_px: FloatArray,
     width_px: FloatArray,
@@ -109,7 +109,7 @@ def _remaining_paint_share(
     level = min(REMAINING_PAINT_LEVELS, key=lambda each: abs(each - marking.remaining_paint_share))
     texture, mean = remaining_paint_texture_and_mean(level)
     shift_m = 37.0 * offset_m  # so that neighbouring markings wear differently
-    strip = texture.mean_over_stretches(rows.start_m[at] + shift_m, rows.end_m[at] + shift_m) + mean
+    strip = texture.mean_over_stretches(rows.start_m[row_indices] + shift_m, rows.end_m[row_indices] + shift_m) + mean
     across = (columns - middle_px) / np.maximum(width_px, 1e-3) * marking.width_m / WEAR_CELL_WIDTH_M + N_WEAR_CELLS / 2
     cell = np.clip(across.astype(np.intp), 0, N_WEAR_CELLS - 1)
     return np.asarray(np.clip(np.take_along_axis(strip, cell, axis=1), 0.0, 1.0))

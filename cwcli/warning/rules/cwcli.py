@@ -89,10 +89,10 @@ def _is_probable_despite_gentle_braking(measures: Measures, config: WarningConfi
     )
 
 
-def _select_by_row(chosen: BoolArray, one: Measures, other: Measures) -> Measures:
+def _select_by_row(chosen: BoolArray, first: Measures, second: Measures) -> Measures:
     """Select the rows of one where `chosen` (m,) is true, else those of the other."""
     return Measures(
-        **{name: np.where(chosen, getattr(one, name), getattr(other, name)) for name in MEASURE_ARRAY_NAMES}
+        **{name: np.where(chosen, getattr(first, name), getattr(second, name)) for name in MEASURE_ARRAY_NAMES}
     )
 
 

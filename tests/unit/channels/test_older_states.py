@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.vehicle_state import FLAG_OF_FIELD, read_vehicle_states
+from cwcli.channels.vehicle_state import FLAG_BY_FIELD, read_vehicle_states
 from cwcli.signals.columns import Columns
 from tests.laws.channel_cases import of_states
 
@@ -14,8 +14,8 @@ from tests.laws.channel_cases import of_states
 def test_states_of_an_older_version_have_no_flags() -> None:
     """The fields starting, after_reset, bridged and rejecting came later: a log without them is read as before."""
     written = of_states(np.random.default_rng(0), 5).channels[0]
-    assert set(FLAG_OF_FIELD) == {"starting", "after_reset", "bridged", "rejecting"}
-    fields: dict[str, Any] = {name: field for name, field in written.fields.items() if name not in FLAG_OF_FIELD}
+    assert set(FLAG_BY_FIELD) == {"starting", "after_reset", "bridged", "rejecting"}
+    fields: dict[str, Any] = {name: field for name, field in written.fields.items() if name not in FLAG_BY_FIELD}
     n = np.arange(5, dtype=np.uint32)
     log_time_ns = written.log_time_ns
     columns = Columns(written.topic, written.schema_name, "protobuf", log_time_ns, log_time_ns, n, fields)

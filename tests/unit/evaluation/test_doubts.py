@@ -14,7 +14,7 @@ from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.evaluation.doubts import (
-    DOUBTS,
+    DOUBT_RULES,
     find_doubts_in_evidence,
     find_remarks_in_evidence,
 )
@@ -196,12 +196,12 @@ def test_doubt_is_found_alone_with_its_number(name: str, found: DoubtEvidence, v
     (doubt,) = find_doubts_in_evidence(found)
     assert (doubt.name, doubt.sentence) == (name, sentence)
     assert doubt.value == pytest.approx(value)
-    assert doubt.value >= doubt.threshold == DOUBTS[name].threshold
+    assert doubt.value >= doubt.threshold == DOUBT_RULES[name].threshold
     assert doubt.advice.endswith(".")
 
 
 def test_every_doubt_has_a_case() -> None:
-    assert [case[0] for case in DOUBTFUL] == [name for name, rule in DOUBTS.items() if not rule.is_remark]
+    assert [case[0] for case in DOUBTFUL] == [name for name, rule in DOUBT_RULES.items() if not rule.is_remark]
 
 
 INNOCENT = {
@@ -421,7 +421,7 @@ def test_each_doubt_from_a_record_alone_is_of_the_whole_log() -> None:
     for name, found, _, _ in DOUBTFUL:
         without = DoubtEvidence(found.records, None, found.start_ns, found.end_ns)
         if name in names(without) and name not in {"camera", "fixes"}:  # of every frame; restricted by its stamp
-            assert DOUBTS[name].is_of_whole_log, name
+            assert DOUBT_RULES[name].is_of_whole_log, name
 
 
 def test_least_over_window_by_hand() -> None:

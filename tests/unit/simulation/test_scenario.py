@@ -11,10 +11,10 @@ from cwcli.errors import EXIT_USAGE, UsageError
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.scenario import (
-    apply_override,
     load_scenario,
     parse_scenario,
     read_scenario_name_and_document,
+    with_override,
 )
 from cwcli.simulation.spec import (
     DETECTOR_KEYS,
@@ -49,38 +49,38 @@ def test_minimal_scenario_gets_the_documented_defaults() -> None:
 
 
 def test_start_time_with_an_offset() -> None:
-    document = apply_override(MINIMAL, "start_time=2024-02-29T01:00:00.25+01:00")
+    document = with_override(MINIMAL, "start_time=2024-02-29T01:00:00.25+01:00")
     assert parse_scenario(document, name="small").start_ns == 1_709_164_800 * 10**9 + 250_000_000
-    as_text = apply_override(MINIMAL, 'start_time="2024-02-29 01:00:00.25+01:00"')
+    as_text = with_override(MINIMAL, 'start_time="2024-02-29 01:00:00.25+01:00"')
     assert parse_scenario(as_text, name="small").start_ns == parse_scenario(document, name="small").start_ns
 
 
 def test_station_ids_are_stable_and_can_be_given() -> None:
-    document = apply_override(MINIMAL, "vehicles.other.speed_mps=1")
+    document = with_override(MINIMAL, "vehicles.other.speed_mps=1")
     first = parse_scenario(document, name="small").vehicles["other"].station_id
     assert first == parse_scenario(document, name="other-file").vehicles["other"].station_id
     assert len(first) == 8
-    document = apply_override(document, 'other.station_id="0000beef"')
+    document = with_override(document, 'other.station_id="0000beef"')
     assert parse_scenario(document, name="small").vehicles["other"].station_id == "0000beef"
-    document = apply_override(document, 'host.station_id="0000beef"')
+    document = with_override(document, 'host.station_id="0000beef"')
     with pytest.raises(UsageError, match=r"vehicles.other.station_id is also that of host"):
         parse_scenario(document, name="small")
 
 
 def test_override_by_vehicle_name_by_path_and_by_index() -> None:
     _, document = read_scenario_name_and_document("rear-end")
-    assert apply_override(document, "host.speed_mps=12")["vehicles"]["host"]["speed_mps"] == 12
-    assert apply_override(document, "vehicles.host.speed_mps = 12.5")["vehicles"]["host"]["speed_mps"] == 12.5
-    changed = apply_override(document, "lead.longitudinal.2.accel_mps2=-4")
+    assert with_override(document, "host.speed_mps=12")["vehicles"]["host"]["speed_mps"] == 12
+    assert with_override(document, "vehicles.host.speed_mps = 12.5")["vehicles"]["host"]["speed_mps"] == 12.5
+    changed = with_override(document, "lead.longitudinal.2.accel_mps2=-4")
     assert changed["vehicles"]["lead"]["longitudinal"][2]["accel_mps2"] == -4
-    assert apply_override(document, "v2x.format=ode-json")["v2x"]["format"] == "ode-json"
-    assert apply_override(document, "sensors.gnss.outages=[[1, 2]]")["sensors"]["gnss"]["outages"] == [[1, 2]]
+    assert with_override(document, "v2x.format=ode-json")["v2x"]["format"] == "ode-json"
+    assert with_override(document, "sensors.gnss.outages=[[1, 2]]")["sensors"]["gnss"]["outages"] == [[1, 2]]
 
 
 def test_override_leaves_its_argument_alone() -> None:
     _, document = read_scenario_name_and_document("rear-end")
     _, untouched = read_scenario_name_and_document("rear-end")
-    apply_override(document, "lead.longitudinal.2.accel_mps2=-4")
+    with_override(document, "lead.longitudinal.2.accel_mps2=-4")
     assert document == untouched
 
 
@@ -149,7 +149,7 @@ def test_bad_value_names_file_key_and_permitted_range(setting: str, message: str
 def test_bad_override_is_refused(text: str) -> None:
     _, document = read_scenario_name_and_document("rear-end")
     with pytest.raises(UsageError, match="--set"):
-        apply_override(document, text)
+        with_override(document, text)
 
 
 def test_missing_vehicle_speed_and_host() -> None:
