@@ -84,7 +84,7 @@ def estimation_page(text: str) -> str:
 
     ranges = {
         "speed: scale": sensor_limits.SPEED_SCALE_RANGE,
-        "speed: lever arm": sensor_limits.HEIGHT_ABOVE_SPEED_POINT_RANGE,
+        "speed: lever arm": sensor_limits.ESTIMATED_POINT_ABOVE_SPEED_POINT_RANGE,
         "accelerometer: bias": sensor_limits.ACCEL_BIAS_RANGE,
         "accelerometer: grade": sensor_limits.ROAD_GRADE_ACCEL_SIGMA_RANGE,
         "gyroscope: bias": sensor_limits.YAW_RATE_BIAS_RANGE,

@@ -13,7 +13,7 @@ from cwcli.metrics.table import Table
 from cwcli.pipeline.records import Record, RecordedSummary, read_recorded_summary
 from cwcli.pipeline.result import Cell
 from cwcli.signals.units import KMH_PER_MPS
-from cwcli.signals.v2x_codec import OWN_STATION_NOTE
+from cwcli.signals.v2x_codec import EGO_STATION_NOTE_BEGINNING
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.text import join_names, shorten_and_escape
 
@@ -49,8 +49,8 @@ def _estimate_sentence(summary: RecordedSummary, tables: Tables) -> str:
     names = dict.fromkeys(str(source) for (source,) in summary.rows_of_table_columns_or_empty("sources", "source"))
     if not names:
         return ""
-    said = next((note for note in summary.notes if OWN_STATION_NOTE in note), "")
-    station = said[said.find(OWN_STATION_NOTE) :]
+    said = next((note for note in summary.notes if EGO_STATION_NOTE_BEGINNING in note), "")
+    station = said[said.find(EGO_STATION_NOTE_BEGINNING) :]
     text = f"The car's motion was estimated from {_join_first_names(list(names))}"
     return f"{text}: {shorten_and_escape(station)}." if station else f"{text}."
 

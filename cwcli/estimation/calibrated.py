@@ -15,8 +15,8 @@ from cwcli.errors import UsageError
 from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, Constant, ConstantStatus
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus, is_latency_reference_by_series
-from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
-from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind, Measurements
+from cwcli.estimation.model import MANOEUVRE_SIGMA_FACTOR_LIMITS, MotionParameters
 from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
@@ -104,7 +104,7 @@ def with_calibrated_noise_and_stamp_error(s: SensorSeries, calibration: Calibrat
         s = replace(s, stamp_error=Parameter(stamps.value, stamps.sigma_in_another_drive, ParameterStatus.GIVEN))
     if scale.has_value:
         return replace(s.scale_noise_variance(scale.value), noise_origin="calibration")
-    variance = sigma.value**2 if sigma.has_value else QUANTITIES[s.kind].default_sigma ** 2
+    variance = sigma.value**2 if sigma.has_value else QUANTITY_BY_KIND[s.kind].default_sigma ** 2
     noise = np.zeros_like(s.noise)
     noise[:, 0] = variance
     if s.n_values_per_row == 2:
@@ -114,7 +114,7 @@ def with_calibrated_noise_and_stamp_error(s: SensorSeries, calibration: Calibrat
 
 def motion_with_calibrated_manoeuvres(parameters: MotionParameters, calibration: Calibration) -> MotionParameters:
     """Return the motion parameters with the jerk and yaw acceleration sigmas of the calibration."""
-    jerk, yaw_accel = (calibration.motion.get(name, UNKNOWN_CONSTANT).value for name in MANOEUVRE_SIGMA_LIMITS)
+    jerk, yaw_accel = (calibration.motion.get(name, UNKNOWN_CONSTANT).value for name in MANOEUVRE_SIGMA_FACTOR_LIMITS)
     return replace(
         parameters,
         jerk_sigma_mps3=jerk if jerk > 0.0 else parameters.jerk_sigma_mps3,
@@ -241,7 +241,7 @@ def bias_contradiction_notes(s: SensorSeries, bias: float, sigma: float, calibra
     )
     if not abs(bias - constant.value) > allowed:
         return []
-    unit, quantity = QUANTITIES[s.kind].unit, s.kind.name.lower().replace("_", " ")
+    unit, quantity = QUANTITY_BY_KIND[s.kind].unit, s.kind.name.lower().replace("_", " ")
     return [
         f"{s.source}: the bias of {quantity} is {bias:.3g} +- {sigma:.2g} {unit} in this log, "
         f"{constant.value:.3g} +- {constant.sigma_in_another_drive:.2g} {unit} in the calibration {calibration.name}"

@@ -51,9 +51,9 @@ class ConstantSpec:
     quantities: tuple[str, ...]
 
 
-RATE_QUANTITY_NAMES = ("accel", "yaw_rate")
+NAMES_OF_QUANTITIES_WITH_BIAS = ("accel", "yaw_rate")
 """Names of the quantities that may have a bias."""
-MEASURED_QUANTITY_NAMES = ("position", "velocity", "speed", "heading", *RATE_QUANTITY_NAMES)
+MEASURED_QUANTITY_NAMES = ("position", "velocity", "speed", "heading", *NAMES_OF_QUANTITIES_WITH_BIAS)
 """Names of the quantities that the filter measures."""
 QUANTITY_NAMES = (*MEASURED_QUANTITY_NAMES, "imu", "camera")
 """Names of all quantities that a source may have in a calibration file."""
@@ -65,7 +65,7 @@ RANGE_AND_UNIT_BY_CALIBRATION_CONSTANT: Mapping[str, ConstantSpec] = {
     "noise_scale": ConstantSpec(0.0, 1e8, "factor on the variance that the messages state", MEASURED_QUANTITY_NAMES),
     "slow_sigma": ConstantSpec(0.0, 1e4, "one sigma in the unit of the quantity", ("position", "accel")),
     "slow_time_s": ConstantSpec(0.0, 1e6, "s", ("position", "accel")),
-    "bias": ConstantSpec(-1e3, 1e3, "in the unit of the quantity", RATE_QUANTITY_NAMES),
+    "bias": ConstantSpec(-1e3, 1e3, "in the unit of the quantity", NAMES_OF_QUANTITIES_WITH_BIAS),
     "scale": ConstantSpec(0.5, 2.0, "read for a true 1", ("speed",)),
     "lever_arm_m": ConstantSpec(-20.0, 20.0, "m", ("speed",)),
     "ahead_m": ConstantSpec(-20.0, 20.0, "m", ("position", "velocity", "accel")),
@@ -76,9 +76,9 @@ RANGE_AND_UNIT_BY_CALIBRATION_CONSTANT: Mapping[str, ConstantSpec] = {
     "yaw_accel_sigma_radps2": ConstantSpec(0.0, 1e3, "rad/s^2", (MOTION_TABLE_NAME,)),
 }
 """Name of each constant -> its permitted range, its unit and the quantities that may have it; chosen by hand."""
-EVIDENCE_KEYS = ("distance_km", "accel_rms_mps2", "yaw_rate_rms_radps")
+DRIVING_AMOUNT_KEYS = ("distance_km", "accel_rms_mps2", "yaw_rate_rms_radps")
 """Keys that tell how much driving a calibration comes from."""
-MIN_SPREAD_SIGMAS_FROM_ZERO = 3.0
+MIN_DISAGREEING_CONSTANT_IN_SCATTER_SIGMAS = 3.0
 """A constant on which drives disagree is used only if it is more than this many sigmas of their scatter from zero.
 
 Chosen as for the significance of a latency; not fitted."""
@@ -150,7 +150,7 @@ class Constant:
         """
         if self.status is not ConstantStatus.DISAGREE:
             return self.has_value
-        return abs(self.value) > MIN_SPREAD_SIGMAS_FROM_ZERO * math.hypot(self.sigma, self.spread)
+        return abs(self.value) > MIN_DISAGREEING_CONSTANT_IN_SCATTER_SIGMAS * math.hypot(self.sigma, self.spread)
 
     @property
     def i_squared_between_drives(self) -> float:
@@ -181,7 +181,7 @@ class Calibration:
         motion: Name -> constant of the motion model.
         logs: Names of the logs that it comes from.
         minutes: Minutes of driving in these logs.
-        evidence: Key of `EVIDENCE_KEYS` -> value.
+        evidence: Key of `DRIVING_AMOUNT_KEYS` -> value.
     """
 
     name: str
@@ -237,7 +237,7 @@ def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration
         raise _invalid_key_error(where, "logs", f"is {logs!r}", "a list of names")
     numbers = {
         key: _parse_number_in_range(table[key], 0.0, 1e9, where, key, "")
-        for key in ("minutes", *EVIDENCE_KEYS)
+        for key in ("minutes", *DRIVING_AMOUNT_KEYS)
         if key in table
     }
     sensors: dict[str, dict[str, Constants]] = {}
@@ -245,7 +245,7 @@ def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration
         if source in (FORMAT_VERSION_KEY, "logs", MOTION_TABLE_NAME, *numbers):
             continue
         if not isinstance(quantities, Mapping):
-            known = ", ".join((FORMAT_VERSION_KEY, "logs", "minutes", *EVIDENCE_KEYS, MOTION_TABLE_NAME))
+            known = ", ".join((FORMAT_VERSION_KEY, "logs", "minutes", *DRIVING_AMOUNT_KEYS, MOTION_TABLE_NAME))
             raise _invalid_key_error(where, source, "is unknown", f"{known}, and a table of each source")
         for quantity in quantities:
             if quantity not in QUANTITY_NAMES:

@@ -11,7 +11,7 @@ from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES, MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.lever_arms import set_lever_arms_of_user
-from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
+from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements_and_note, earliest_stamp_ns
@@ -106,7 +106,7 @@ def _tune_and_predict_log(prepared: Sequence[PreparedSeries], config: EstimatorC
     scores = {
         (s.source, s.kind): row_log_likelihoods(s, nis)
         for s, nis in zip(series, result.nis, strict=True)
-        if s.kind not in RATE_KINDS and len(s)
+        if s.kind not in IMU_RATE_KINDS and len(s)
     }
     return _PredictedLog(tuned, scores)
 
@@ -143,12 +143,13 @@ def _contradiction_texts(own: _PredictedLog, calibrated: _PredictedLog, calibrat
     for found_series, used_series in zip(own.tuned.series, calibrated.tuned.series, strict=True):
         sigma, of_car = _root_mean_square_noise_sigma(found_series), _root_mean_square_noise_sigma(used_series)
         if (
-            found_series.kind not in RATE_KINDS
+            found_series.kind not in IMU_RATE_KINDS
             and not 1.0 / MIN_LISTED_NOISE_RATIO < sigma / of_car < MIN_LISTED_NOISE_RATIO
         ):
+            what, unit = found_series.kind.name.lower(), QUANTITY_BY_KIND[found_series.kind].unit
             texts.append(
-                f"noise of {found_series.source} {found_series.kind.name.lower()} found on it: {sigma:.2g} "
-                f"{QUANTITIES[found_series.kind].unit}, calibrated: {of_car:.2g} {QUANTITIES[found_series.kind].unit}"
+                f"noise of {found_series.source} {what} found on it: {sigma:.2g} {unit}, "
+                f"calibrated: {of_car:.2g} {unit}"
             )
     return texts[:MAX_LISTED_CONTRADICTIONS]
 

@@ -26,9 +26,9 @@ Fixes of a car that drives on evenly are whole multiples of a step by chance, an
 STEP_OF_UNCHANGING_AXIS_M = 7.4
 """Step of an axis on which all fixes are equal although those on the other axis scatter, m: a ten thousandth of a
 degree of longitude at 48 degrees north, the coarsest in which receivers send."""
-MIN_EQUAL_NEIGHBOUR_ROWS = 20
+MIN_EQUAL_ROWS_OF_UNCHANGING_AXIS = 20
 """Least number of equal neighbours of such an axis. Chosen by hand; not fitted."""
-MIN_NOISE_ON_OTHER_AXIS_M = 0.05
+MIN_NOISE_ON_CHANGING_AXIS_M = 0.05
 """Least noise on the other axis, m: the least of a position in `QUANTITIES`. Fixes of a simulator have less."""
 ROUNDED_FIX_VARIANCE_IN_SQUARED_STEPS = 1.0 / 12.0 + 1.0 / 8.0
 """Variance of the error in squared steps: uniform in one step, and half a step to one side if the value is cut, which
@@ -40,11 +40,11 @@ def find_coarse_east_north_steps_m(fixes_m: EastNorthRows) -> tuple[float, float
     steps = [0.0, 0.0]
     for k in (0, 1):
         change = np.diff(fixes_m[:, k])
-        if len(change) >= MIN_EQUAL_NEIGHBOUR_ROWS and not change.any():
+        if len(change) >= MIN_EQUAL_ROWS_OF_UNCHANGING_AXIS and not change.any():
             noise_m = (
                 SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * float(np.median(np.abs(np.diff(fixes_m[:, 1 - k], 2)))) / 6.0**0.5
             )
-            steps[k] = STEP_OF_UNCHANGING_AXIS_M if noise_m > MIN_NOISE_ON_OTHER_AXIS_M else 0.0
+            steps[k] = STEP_OF_UNCHANGING_AXIS_M if noise_m > MIN_NOISE_ON_CHANGING_AXIS_M else 0.0
             continue
         step_m = quantisation_step_or_zero_or_infinity(np.abs(change), MIN_COARSE_FIX_STEP_M)
         if np.isfinite(step_m) and step_m >= MIN_COARSE_FIX_STEP_M:

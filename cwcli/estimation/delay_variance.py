@@ -22,7 +22,7 @@ from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
-from cwcli.estimation.sensor_limits import LEAST_DELAY_IN_STAMP_SIGMAS, UNKNOWN_DELAY_SIGMA_S
+from cwcli.estimation.sensor_limits import UNKNOWN_DELAY_SIGMA_IN_STAMP_SIGMAS, UNKNOWN_DELAY_SIGMA_S
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
@@ -70,7 +70,7 @@ def unknown_delay_sigma_s(latency: Latency, stamp_sigma_s: float = 0.0) -> float
         latency: The latency that was found.
         stamp_sigma_s: One sigma of the stamp errors, s. Where the delay varies its mean is not small.
     """
-    prior_s = math.hypot(UNKNOWN_DELAY_SIGMA_S, LEAST_DELAY_IN_STAMP_SIGMAS * stamp_sigma_s)
+    prior_s = math.hypot(UNKNOWN_DELAY_SIGMA_S, UNKNOWN_DELAY_SIGMA_IN_STAMP_SIGMAS * stamp_sigma_s)
     if latency.status in (LatencyStatus.OFF, LatencyStatus.GIVEN, LatencyStatus.REFERENCE):
         return 0.0
     if latency.applied_s != 0.0 or latency.status is LatencyStatus.CALIBRATED:

@@ -4,8 +4,8 @@ The scale of a speed has a prior (`sensor_model`), and in short logs it is not s
 more than the prior allows would push the positions off the fixes. So it is divided by the ratio before the estimate,
 and the user is told: either the speed is wrong, or the map of the fixes is.
 
-In windows of MAX_WAY_WINDOW_S the way D is integrated from the speed along the heading. The fixes then are c + A D,
-with a place c, a rotation and the scale |A| of the window. The scatter of the windows is the sigma of their mean.
+In windows of MAX_DISTANCE_WINDOW_S the way D is integrated from the speed along the heading. The fixes then are c +
+A D, with a place c, a rotation and the scale |A| of the window. The scatter of the windows is the sigma of their mean.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE, MIN_STEP
 from cwcli.estimation.step_motion import covered_step_mask, step_edges_s, trapezoidal_integral
 from cwcli.lazy_dataclass import dataclass
 
-MIN_RATIO_ERROR_IN_PRIOR_SIGMAS = 3.0
+MIN_CORRECTED_RATIO_ERROR_IN_SIGMAS = 3.0
 """Least difference of a ratio from 1, in sigmas of the prior of a scale, that is taken off first. Chosen as for other
 significance tests."""
-MAX_WAY_WINDOW_S = 8.0
+MAX_DISTANCE_WINDOW_S = 8.0
 """Longest window, s: a gyroscope's bias hardly bends the way in it. Chosen as the longest of
 `source_checks.COMPARED_STEP_LENGTHS_S`; a short log has five shorter ones."""
 MIN_FIXES_PER_WINDOW = 5
@@ -58,7 +58,7 @@ class DistanceRatio:
         """Whether no usual wheel explains it, though a speedometer may."""
         difference_from_one = abs(self.value - 1.0) - self.half_width
         return (
-            difference_from_one > MIN_RATIO_ERROR_IN_PRIOR_SIGMAS * SPEED_SCALE_PRIOR_SIGMA
+            difference_from_one > MIN_CORRECTED_RATIO_ERROR_IN_SIGMAS * SPEED_SCALE_PRIOR_SIGMA
             and SPEED_SCALE_RANGE.contains_or_is_nan(self.value)
         )
 
@@ -112,7 +112,7 @@ def find_distance_ratio(speed: SensorSeries, turning: SensorSeries, fixes: Senso
     way = np.interp(fixes.time_s, speed.time_s, np.concatenate(([0.0], np.cumsum(steps))))
     place = fixes.values[:, 0] + 1j * fixes.values[:, 1]
     span_s = float(fixes.time_s[-1] - fixes.time_s[0])
-    edges_s = step_edges_s([fixes], min(MAX_WAY_WINDOW_S, span_s / (MIN_STEPS_OF_ONE_LENGTH + 1)))
+    edges_s = step_edges_s([fixes], min(MAX_DISTANCE_WINDOW_S, span_s / (MIN_STEPS_OF_ONE_LENGTH + 1)))
     known = covered_step_mask(speed.time_s, edges_s) & covered_step_mask(turning.time_s, edges_s)
     begins = np.searchsorted(fixes.time_s, edges_s)
     scales, powers = [], []

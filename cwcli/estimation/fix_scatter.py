@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cwcli.estimation.measurements import QUANTITIES, Kind
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
@@ -39,10 +39,10 @@ MIN_LASTING_ERROR_BY_KIND: Mapping[Kind, float] = {
 }
 """Least noise of each kind that is compared with its scatter, in m, m/s and rad. Chosen by hand: the errors of a
 receiver under open sky last for minutes and are 1.5 m; 0.7 m/s is twice, and 0.07 rad (4 degrees) is twice the default
-noise of the kind in `QUANTITIES`."""
+noise of the kind in `QUANTITY_BY_KIND`."""
 
 
-DOUBTED_SHARE_OF_LASTING_ERROR = 0.25
+MIN_DOUBTED_SHARE_OF_LASTING_ERROR = 0.25
 """Least lasting error that raises a doubt, as a share of those of `MIN_LASTING_ERROR_BY_KIND`. Chosen by hand: as much
 as a car's place is off by half a degree of heading in 4 s."""
 MAX_SLOW_CHANGES_ALONG_TO_ACROSS = 1.4
@@ -92,9 +92,9 @@ def lasting_error_sigma(report: SourceReport) -> float:
 
     It is 0, too, where messages state the noise.
     """
-    if report.kind not in QUANTITIES or report.noise_origin not in ("log", "message, scaled"):
+    if report.kind not in QUANTITY_BY_KIND or report.noise_origin not in ("log", "message, scaled"):
         return 0.0
-    scatter = max(report.scatter, QUANTITIES[report.kind].floor_sigma)  # NaN stays, and no noise is beyond it
+    scatter = max(report.scatter, QUANTITY_BY_KIND[report.kind].floor_sigma)  # NaN stays, and no noise is beyond it
     if not is_sigma_clearly_above_scatter(report.sigma, scatter, report.n_used):
         return 0.0
     return math.sqrt(report.sigma**2 - scatter**2)
@@ -103,7 +103,7 @@ def lasting_error_sigma(report: SourceReport) -> float:
 def is_lasting_error_large(report: SourceReport) -> bool:
     """Whether errors of a source that last are large enough to doubt that all sources are right."""
     return report.kind in KINDS_WITH_LASTING_ERROR_DOUBT and lasting_error_sigma(report) > (
-        DOUBTED_SHARE_OF_LASTING_ERROR * MIN_LASTING_ERROR_BY_KIND[report.kind]
+        MIN_DOUBTED_SHARE_OF_LASTING_ERROR * MIN_LASTING_ERROR_BY_KIND[report.kind]
     )
 
 

@@ -14,9 +14,9 @@ from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, ValueRow
 MIN_MOVING_SPEED_MPS = 3.0
 """Least mean speed in m/s, by the fixes, of a car that surely moves, so that a repeated zero is a fault. Chosen by
 hand."""
-MIN_REPETITIONS_OF_HELD_FIX = 4
+MIN_REPETITIONS_OF_FROZEN_FIX = 4
 """Least number of repetitions of a fix that is held. Chosen by hand: a receiver once a second that holds for 4 s."""
-MAX_HELD_FIX_CHANGE_M = 1e-3
+MAX_FROZEN_FIX_CHANGE_M = 1e-3
 """Greatest change in m, east or north, of a fix that is held: a height that goes on moves the place in the map by less.
 Chosen below the noise of every receiver."""
 MIN_DURATION_OF_RESTING_FIXES_S = 5.0
@@ -27,14 +27,14 @@ ROWS_OF_RESTING_NOISE, RESTING_RADIUS_IN_SIGMAS, MIN_RESTING_RADIUS_M = 5, 4.0, 
 at least so many metres. Chosen by hand; not fitted."""
 MOTION_CHECK_TIME_AROUND_REST_S = 1.0
 """Time before and after a rest, s, in which a car that did not stand moves. Chosen by hand: a car stops more slowly."""
-MAX_JUMP_STEP_TO_USUAL = 3.0
+MAX_TIME_STEP_OF_JUMP_TO_USUAL = 3.0
 """Longest step, in usual ones, in which the fixes jump to where the car is. Chosen by hand: behind a pause they may."""
 MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
-MAX_SMOOTH_DIFFERENCE_RATIO = 0.5
+MAX_SECOND_TO_FIRST_DIFFERENCE = 0.5
 """Greatest ratio of the summed absolute second differences of a signal without noise to its summed absolute first
 differences; white noise has sqrt(3) = 1.73. Chosen by hand; not fitted."""
-MAX_SMOOTH_CHANGE_RATIO = 3.0
+MAX_CHANGE_AFTER_REPETITION_TO_USUAL = 3.0
 """Greatest change of a noiseless signal after a repetition, relative to its greatest usual change; beyond it the signal
 was stuck. Chosen by hand; not fitted."""
 
@@ -101,9 +101,9 @@ def _frozen_fix_while_moving_mask(time_s: FloatArray, fixes_m: EastNorthRows) ->
     but the next fix is then near.
     """
     is_held = np.zeros(len(time_s), np.bool_)
-    same = np.abs(np.diff(fixes_m, axis=0)).max(axis=1) <= MAX_HELD_FIX_CHANGE_M
+    same = np.abs(np.diff(fixes_m, axis=0)).max(axis=1) <= MAX_FROZEN_FIX_CHANGE_M
     for begin, end in _begin_and_end_of_true_stretches(
-        same, MIN_REPETITIONS_OF_HELD_FIX
+        same, MIN_REPETITIONS_OF_FROZEN_FIX
     ):  # rows begin .. end are one fix
         if end + 1 < len(time_s) and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             way_m = float(np.hypot(*(fixes_m[end + 1] - fixes_m[begin])))
@@ -127,7 +127,7 @@ def _nearly_resting_fix_before_jump_mask(time_s: FloatArray, fixes_m: EastNorthR
     is_jump = (
         ~is_frozen[:-1]
         & (step_m > MIN_MOVING_SPEED_MPS * MIN_DURATION_OF_RESTING_FIXES_S)
-        & (step_s < MAX_JUMP_STEP_TO_USUAL * median_of_values(step_s))
+        & (step_s < MAX_TIME_STEP_OF_JUMP_TO_USUAL * median_of_values(step_s))
     )
 
     def is_moving(row: int, other_s: float) -> bool:
@@ -193,9 +193,9 @@ def _continues_smoothly_after_repetitions(values: ValueRows, is_long_repetition:
     usual = ~(is_long_repetition[1:] | is_long_repetition[:-1])
     both = usual[1:] & usual[:-1]
     most = change[usual].max(axis=0, initial=0.0)
-    is_smooth = (bend[both].sum(axis=0) <= MAX_SMOOTH_DIFFERENCE_RATIO * change[usual].sum(axis=0)).all()
+    is_smooth = (bend[both].sum(axis=0) <= MAX_SECOND_TO_FIRST_DIFFERENCE * change[usual].sum(axis=0)).all()
     after = change[is_long_repetition[:-1] & ~is_long_repetition[1:]]
-    return bool(is_smooth and most.any() and (after <= MAX_SMOOTH_CHANGE_RATIO * most).all())
+    return bool(is_smooth and most.any() and (after <= MAX_CHANGE_AFTER_REPETITION_TO_USUAL * most).all())
 
 
 def _saturated_gyroscope_mask(values: FloatArray) -> BoolArray:

@@ -25,7 +25,7 @@ from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.source_hypotheses import (
     LOG_LIKELIHOOD_COST_OF_SECOND_FAULT,
-    MAX_WAY_RATIO_ERROR,
+    MAX_DISTANCE_RATIO_ERROR,
     MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS,
     MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
     step_motions_and_edges_for_evidence,
@@ -202,7 +202,7 @@ def _has_same_forward_axis(one: _ImuFault, other: _ImuFault, units: Sequence[flo
     ratio = units[one.accel_unit] / units[other.accel_unit]
     return (
         one.signed_forward_axis_and_unit[0] == other.signed_forward_axis_and_unit[0]
-        and abs(ratio - 1.0) < MAX_WAY_RATIO_ERROR
+        and abs(ratio - 1.0) < MAX_DISTANCE_RATIO_ERROR
     )
 
 

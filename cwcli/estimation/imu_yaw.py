@@ -18,11 +18,11 @@ from cwcli.signals.columns import AccelGyroRows, FloatArray
 MIN_CORRECTED_MOUNTING_YAW_RAD = math.radians(6.0)
 """Least angle that is corrected: less adds a tenth of the lateral acceleration to the forward one. Chosen by hand; not
 fitted."""
-MIN_COMPARED_TIME_STEPS = 10
+MIN_TIME_STEPS_WITH_IMU_AND_FIXES = 10
 """Least number of time steps with accelerations by both the IMU and the fixes. Chosen by hand; not fitted."""
 MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS = 0.8
 """Least correlation of the turned accelerations with those of the fixes. Chosen by hand; not fitted."""
-MIN_SIGMAS_OF_MOUNTING_YAW = 4.0
+MIN_MOUNTING_YAW_IN_SIGMAS = 4.0
 """Least angle in its sigmas: one log without a fault in 16,000. Not fitted."""
 MIN_RMS_ACCELERATION_OF_FIXES_MPS2 = 0.5
 """Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows. Chosen
@@ -45,7 +45,7 @@ def find_imu_yaw_hypothesis_and_evidence(
         others: Series of fixes first, then of speeds and of the IMU's own yaw rate.
     """
     motions, edges_s = step_motions_and_edges_for_evidence(others)
-    if len(edges_s) < MIN_COMPARED_TIME_STEPS + 3 or len(time_s) < MIN_COMPARED_TIME_STEPS:
+    if len(edges_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES + 3 or len(time_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
         return None
     measured = np.column_stack([means_between_edges(time_s, column, edges_s) for column in values[:, :2].T])
     measured[~covered_step_mask(time_s, edges_s)] = np.nan
@@ -55,7 +55,7 @@ def find_imu_yaw_hypothesis_and_evidence(
     measured = measured[1:-1]
     rows = np.isfinite(measured).all(axis=1) & np.isfinite(reference).all(axis=1)
     n = int(rows.sum())
-    if n < MIN_COMPARED_TIME_STEPS:
+    if n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
         return None
     f, r = (
         column[rows] - [median_of_finite_values(column[rows, 0]), median_of_finite_values(column[rows, 1])]
@@ -71,7 +71,7 @@ def find_imu_yaw_hypothesis_and_evidence(
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     rest = f @ np.array([[c, -s], [s, c]]) - r
     sigma_rad = math.sqrt(float(np.square(rest).sum()) / (2.0 * n) / float(np.square(r).sum()))
-    if abs(yaw_rad) < max(MIN_CORRECTED_MOUNTING_YAW_RAD, MIN_SIGMAS_OF_MOUNTING_YAW * sigma_rad):
+    if abs(yaw_rad) < max(MIN_CORRECTED_MOUNTING_YAW_RAD, MIN_MOUNTING_YAW_IN_SIGMAS * sigma_rad):
         return None
     matrix = np.eye(6)
     matrix[:2, :2] = matrix[3:5, 3:5] = ((c, s), (-s, c))

@@ -43,7 +43,7 @@ the greatest speed is not twice the median."""
 
 N_STEPS_OF_VELOCITY_AFTER_WRONG_FIX = 5
 """Number of steps that give the velocity after a single wrong fix. Chosen by hand."""
-MAX_OUTLIER_SHARE_OF_JUMP = 0.6
+MAX_STEP_OVER_OUTLIER_TO_MIN_JUMP = 0.6
 """Greatest step over a single wrong fix, as a share of the least jump: five sigma of noise. Chosen by hand."""
 
 
@@ -158,7 +158,7 @@ def _is_jump_half_of_single_outlier(
             continue
         velocity = (values[last] - values[wrong + 1]) / (time_s[last] - time_s[wrong + 1])
         unexplained_move = values[wrong + 1] - values[wrong - 1] - velocity * (time_s[wrong + 1] - time_s[wrong - 1])
-        if float(np.hypot(*unexplained_move)) < MAX_OUTLIER_SHARE_OF_JUMP * bound.least_jump_m:
+        if float(np.hypot(*unexplained_move)) < MAX_STEP_OVER_OUTLIER_TO_MIN_JUMP * bound.least_jump_m:
             return True
     return False
 

@@ -17,7 +17,7 @@ SCATTER_BLOCK_LENGTH_S = 10.0
 """Length of the blocks whose scatter gives the sigma, s. Chosen longer than a manoeuvre."""
 N_BLOCKS_OF_SHORT_LOG = 8
 """Number of blocks of a short log, which are then shorter. Chosen by hand; not fitted."""
-MIN_DRIFT_LIKELIHOOD_GAIN = 4.5
+MIN_LOG_LIKELIHOOD_GAIN_OF_DRIFT = 4.5
 """Least gain of log-likelihood of a drift: three sigma."""
 MIN_SCATTER_BLOCKS = 3
 """Least number of blocks whose scatter gives a sigma. Chosen: two have only one degree of freedom."""
@@ -117,7 +117,7 @@ class LatencyEvidence:
         """How much the latency grows in a second, and the time about which it does; None where it may be constant.
 
         A line is found in two blocks of `SCATTER_BLOCK_LENGTH_S` of four and judged in the others, and the other way
-        round. It must predict these better than a constant that was found like it, by `MIN_DRIFT_LIKELIHOOD_GAIN`.
+        round. It must predict these better than a constant found like it, by `MIN_LOG_LIKELIHOOD_GAIN_OF_DRIFT`.
         """
         span_s = float(self.time_s[-1] - self.time_s[0])
         n_blocks = int(span_s / SCATTER_BLOCK_LENGTH_S)
@@ -138,7 +138,7 @@ class LatencyEvidence:
             gain -= _sum_of_parabolas(offset_s + rate * away_s[is_judged], slope[is_judged], weight[is_judged])
         return (
             (_fit_drift_offset_and_rate(away_s, slope, weight)[1], about_s)
-            if gain > MIN_DRIFT_LIKELIHOOD_GAIN
+            if gain > MIN_LOG_LIKELIHOOD_GAIN_OF_DRIFT
             else None
         )
 

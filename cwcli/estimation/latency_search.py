@@ -32,7 +32,7 @@ from cwcli.estimation.latency import (
     remove_latency_drift,
 )
 from cwcli.estimation.latency_evidence import LatencyEvidence
-from cwcli.estimation.measurements import RATE_KINDS, Kind
+from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.passes import PassResult, SensorSeries
 from cwcli.estimation.prepare import average_rows_to_rate
@@ -58,12 +58,12 @@ LATENCY_GRID_S = np.arange(-0.5, 2.01, LATENCY_GRID_STEP_S)
 """Grid of latencies that are tried, s; positive is late. Chosen by hand; not fitted."""
 LATENCY_PROBE_OFFSETS_S = (0.05, 0.1, 0.2, 0.4)
 """Distances from the likeliest latency at which a parabola is laid, s. Chosen by hand; not fitted."""
-LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * MIN_SIGNIFICANT_SIGMAS**2
+LOG_LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * MIN_SIGNIFICANT_SIGMAS**2
 """Fall of the log-likelihood at three sigma from its top."""
-MAX_OBSERVABLE_SIGMA_S = 0.05
+MAX_SIGMA_OF_INSIGNIFICANT_LATENCY_S = 0.05
 """Greatest standard deviation of a latency, s, with which a latency near 0 counts as found to be insignificant; with a
 greater one it counts as not observable. Chosen by hand; not fitted."""
-MAX_REPORTED_SIGMA_S = 0.1
+MAX_REPORTED_LATENCY_BOUND_S = 0.1
 """Greatest bound of a latency, s, that is reported at all. Chosen by hand; not fitted."""
 IMU_AVERAGING_HZ = 25.0
 """Rate to which an IMU is averaged, Hz. Chosen for speed; not fitted."""
@@ -77,7 +77,7 @@ SLOW_ERROR_SIGMAS_M = (0.3, 1.0, 3.0)
 """Sigmas of slow errors of positions that are tried, m. Chosen by hand; not fitted."""
 SLOW_ERROR_TIME_CONSTANTS_S = (1.0, 3.0, 10.0)
 """Time constants of slow errors that are tried, s. Chosen by hand; not fitted."""
-MIN_SLOW_ERROR_LIKELIHOOD_GAIN = 9.0
+MIN_LOG_LIKELIHOOD_GAIN_OF_SLOW_ERROR = 9.0
 """Least gain of log-likelihood of a slow error: 4.5 for each of its two parameters."""
 MAX_ITERATIONS_PER_PROBE_DISTANCE = 4
 """Greatest number of iterations at one probe distance. Chosen for speed; not fitted."""
@@ -162,13 +162,13 @@ class _LatencyLikelihoodProfile:
     def sigma_covering_possible_latencies_s(self, evidence: LatencyEvidence) -> float:
         """The least sigma with which all latencies that the log does not exclude lie within three sigma.
 
-        A parabola knows nothing of a second top. What lies `LIKELIHOOD_FALL_AT_THREE_SIGMA` below the first one is
+        A parabola knows nothing of a second top. What lies `LOG_LIKELIHOOD_FALL_AT_THREE_SIGMA` below the first one is
         excluded, or more where the scatter over the blocks says that the likelihood is too sure.
         """
         away_s = np.abs(LATENCY_GRID_S - evidence.likeliest_latency_s)
         least = (
             self.likeliest_latency_and_likelihood[1]
-            - LIKELIHOOD_FALL_AT_THREE_SIGMA * (evidence.block_scatter_sigma_s / evidence.formal_sigma_s) ** 2
+            - LOG_LIKELIHOOD_FALL_AT_THREE_SIGMA * (evidence.block_scatter_sigma_s / evidence.formal_sigma_s) ** 2
         )
         possible = (self.likelihood > least) & (away_s > LATENCY_GRID_STEP_S)
         return float(away_s[possible].max(initial=0.0)) / MIN_SIGNIFICANT_SIGMAS
@@ -267,7 +267,7 @@ class _LatencySearch:
         if self.target.kind is not Kind.POSITION or len(self.layout.walk) + 2 > MAX_KERNEL_STATES:
             return None
         search = None
-        least = self._log_likelihood_of_scored_rows(self.target) + MIN_SLOW_ERROR_LIKELIHOOD_GAIN
+        least = self._log_likelihood_of_scored_rows(self.target) + MIN_LOG_LIKELIHOOD_GAIN_OF_SLOW_ERROR
         for time_s in SLOW_ERROR_TIME_CONSTANTS_S:
             for sigma_m in SLOW_ERROR_SIGMAS_M:
                 trial = self._add_slow_error(sigma_m, time_s)
@@ -304,13 +304,13 @@ class _LatencySearch:
         found_s, bound_s = evidence.likeliest_latency_s, evidence.formal_sigma_s
         sigma_s = max(evidence.block_scatter_sigma_s, profile.sigma_covering_possible_latencies_s(evidence))
         unknown = Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s, reach_s=float(np.hypot(found_s, sigma_s)))
-        if not (bound_s < MAX_REPORTED_SIGMA_S and LATENCY_GRID_S[0] < found_s < LATENCY_GRID_S[-1]):
+        if not (bound_s < MAX_REPORTED_LATENCY_BOUND_S and LATENCY_GRID_S[0] < found_s < LATENCY_GRID_S[-1]):
             return unknown
         if abs(found_s) > MIN_SIGNIFICANT_SIGMAS * sigma_s and self._predicts_better_than_zero_latency(
             target, evidence
         ):
             return Latency(LatencyStatus.APPLIED, found_s, sigma_s, bound_s)
-        if not bound_s < MAX_OBSERVABLE_SIGMA_S:
+        if not bound_s < MAX_SIGMA_OF_INSIGNIFICANT_LATENCY_S:
             return unknown
         return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s, bound_s)
 
@@ -334,8 +334,8 @@ class _LatencySearch:
             replace(straight, latency_s=found.likeliest_latency_s)
         ) - self._log_likelihood_of_scored_rows(target_with_likeliest_latency)
         if not (
-            gain > LIKELIHOOD_FALL_AT_THREE_SIGMA
-            and found.formal_sigma_s < MAX_REPORTED_SIGMA_S
+            gain > LOG_LIKELIHOOD_FALL_AT_THREE_SIGMA
+            and found.formal_sigma_s < MAX_REPORTED_LATENCY_BOUND_S
             and self._predicts_better_than_zero_latency(target_with_likeliest_latency, found)
         ):
             return None
@@ -380,7 +380,7 @@ class _LatencySearch:
         none.
         """
         with_zero = -self._log_likelihood_of_scored_rows(replace(target, latency_s=0.0))
-        return with_zero - evidence.cross_validated_neg_log_likelihood() > LIKELIHOOD_FALL_AT_THREE_SIGMA
+        return with_zero - evidence.cross_validated_neg_log_likelihood() > LOG_LIKELIHOOD_FALL_AT_THREE_SIGMA
 
     def _scored_series(self, target: SensorSeries) -> list[tuple[int, SensorSeries]]:
         """Return the series whose rows score a latency: the target, and the reference as far as the motion predicts it.
@@ -435,4 +435,4 @@ def _begin_and_end_of_most_excited_window_s(
 def _cut_to_window_and_average_imu(s: SensorSeries, begin: float, end: float) -> SensorSeries:
     """Cut a series to a window, and average an IMU to about `IMU_AVERAGING_HZ`."""
     cut = cut_to_window(s, begin, end)
-    return average_rows_to_rate(cut, IMU_AVERAGING_HZ) if s.kind in RATE_KINDS else cut
+    return average_rows_to_rate(cut, IMU_AVERAGING_HZ) if s.kind in IMU_RATE_KINDS else cut

@@ -22,7 +22,7 @@ from cwcli.estimation.fix_scatter import (
 )
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
-from cwcli.estimation.measurements import RATE_KINDS, Kind
+from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
@@ -68,7 +68,7 @@ def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> s
                 and r.slow_error.sigma
                 > (MAX_USUAL_GRADE_SIGMA_MPS2 if r.kind is Kind.ACCEL else MAX_UNDOUBTED_SLOW_ERROR_SIGMA_M)
             )
-            or (r.kind not in RATE_KINDS and r.n_gated > MAX_GATED_ROW_SHARE * (r.n_used + r.n_gated))
+            or (r.kind not in IMU_RATE_KINDS and r.n_gated > MAX_GATED_ROW_SHARE * (r.n_used + r.n_gated))
         )
     }
     return found | {each.who for each in find_values_beyond_sensor_limits(reports)}
@@ -80,7 +80,7 @@ def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
         SourceQuantity(r.source, r.kind)
         for r in reports
         if r.n_used
-        and r.kind not in RATE_KINDS
+        and r.kind not in IMU_RATE_KINDS
         and (
             is_lasting_error_large(r)
             or is_slow_error_one_of_speed(r)
@@ -103,11 +103,11 @@ def quantity_groups_to_leave_out(
         if r.n_used and r.kind is not Kind.POSITION and r.source not in trusted
     ]
     rates = {
-        source: tuple(each for each in single if each.source == source and each.kind in RATE_KINDS)
+        source: tuple(each for each in single if each.source == source and each.kind in IMU_RATE_KINDS)
         for source in dict.fromkeys(each.source for each in single)
     }
     groups = [*((each,) for each in single), *(both for both in rates.values() if len(both) > 1)]
-    return [group for group in groups if group[0].kind in RATE_KINDS or can_third_source_judge(reports, group)]
+    return [group for group in groups if group[0].kind in IMU_RATE_KINDS or can_third_source_judge(reports, group)]
 
 
 def can_third_source_judge(reports: Sequence[SourceReport], group: Collection[SourceQuantity]) -> bool:
@@ -226,7 +226,7 @@ def _log_likelihood_of_other_used_sources(
     return sum(
         r.log_likelihood
         for r in reports
-        if r.kind not in RATE_KINDS and SourceQuantity(r.source, r.kind) not in left_out and r.n_used
+        if r.kind not in IMU_RATE_KINDS and SourceQuantity(r.source, r.kind) not in left_out and r.n_used
     )
 
 

@@ -14,7 +14,7 @@ from cwcli.signals.columns import FloatArray, Int64Array, select_table_rows
 
 
 class Kind(IntEnum):
-    """Quantity that a measurement measures; `QUANTITIES` has its unit and noise.
+    """Quantity that a measurement measures; `QUANTITY_BY_KIND` has its unit and noise.
 
     Attributes:
         POSITION: x, y in the map frame, metres.
@@ -53,7 +53,7 @@ class MeasuredQuantity:
     floor_sigma: float
 
 
-QUANTITIES: dict[Kind, MeasuredQuantity] = {
+QUANTITY_BY_KIND: dict[Kind, MeasuredQuantity] = {
     Kind.POSITION: MeasuredQuantity(2, "m", 1.0, 0.05),
     Kind.VELOCITY: MeasuredQuantity(2, "m/s", 0.3, 0.05),
     Kind.SPEED: MeasuredQuantity(1, "m/s", 0.3, 0.05),
@@ -63,7 +63,7 @@ QUANTITIES: dict[Kind, MeasuredQuantity] = {
     Kind.IMU: MeasuredQuantity(6, "", math.nan, math.nan),  # ACCEL and YAW_RATE are used instead
 }
 """Width, unit, default sigma and least sigma of each kind. Chosen for common automotive sensors; not fitted."""
-RATE_KINDS = (Kind.ACCEL, Kind.YAW_RATE)
+IMU_RATE_KINDS = (Kind.ACCEL, Kind.YAW_RATE)
 """Kinds that an IMU measures as well: they may come a hundred times a second, and with a bias."""
 
 
@@ -77,7 +77,7 @@ class Measurements:
         source: Name for messages, usually the topic. Several kinds may share one source.
         kind: Measured quantity.
         stamp_ns: Shape (n,), int64.
-        values: Shape (n, d) with d = QUANTITIES[kind].width; (n,) is accepted where d is 1.
+        values: Shape (n, d) with d = QUANTITY_BY_KIND[kind].width; (n,) is accepted where d is 1.
         covariance: Shape (n, d, d), or (n, d) for variances alone, or None. NaN, or a variance that is not
             positive, means that the message states none.
         log_time_ns: Shape (n,), int64: when each row was received; None: at its stamp.
@@ -98,7 +98,7 @@ class Measurements:
         Raises:
             ValueError: If an array has a shape other than the documented ones.
         """
-        n, d = len(self.stamp_ns), QUANTITIES[self.kind].width
+        n, d = len(self.stamp_ns), QUANTITY_BY_KIND[self.kind].width
         values = np.asarray(self.values, dtype=np.float64)
         if values.ndim == 1 and d == 1:
             values = values[:, None]

@@ -12,7 +12,7 @@ from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
 
-MANOEUVRE_SIGMA_LIMITS: dict[str, tuple[float, float]] = {
+MANOEUVRE_SIGMA_FACTOR_LIMITS: dict[str, tuple[float, float]] = {
     "jerk_sigma_mps3": (1.0 / 8.0, 2.0),
     "yaw_accel_sigma_radps2": (1.0 / 8.0, 2.0),
 }
@@ -74,7 +74,7 @@ class MotionParameters:
     def with_manoeuvre_sigma_within_limits(self, name: str, sigma: float, begin: MotionParameters) -> MotionParameters:
         """Return the parameters with one of the two manoeuvre sigmas replaced, limited relative to its first value."""
         first = float(getattr(begin, name))
-        limited = float(np.clip(np.log(sigma / first), *np.log(MANOEUVRE_SIGMA_LIMITS[name])))
+        limited = float(np.clip(np.log(sigma / first), *np.log(MANOEUVRE_SIGMA_FACTOR_LIMITS[name])))
         return self.with_manoeuvre_sigma(name, first * float(np.exp(limited)))
 
     def with_manoeuvre_sigma(self, name: str, sigma: float) -> MotionParameters:
@@ -116,9 +116,9 @@ class MotionParameters:
         )
 
 
-SIMULATED_JERK_MPS3 = 100.0
+SIMULATED_JERK_SIGMA_MPS3 = 100.0
 """Jerk sigma of a simulated car, m/s^3: full braking (10 m/s^2) within the longest step of a trace, 0.1 s."""
-SIMULATED_YAW_ACCEL_RADPS2 = 10.0
+SIMULATED_YAW_ACCEL_SIGMA_RADPS2 = 10.0
 """Yaw acceleration sigma of a simulated car, rad/s^2: a yaw rate of 1 rad/s within the longest step of a trace."""
 
 
@@ -128,4 +128,6 @@ def motion_of_simulated_vehicle(parameters: MotionParameters) -> MotionParameter
     With the jerk of a driver the filter would round off such changes, and a time to collision at a small closing speed
     would be wrong. With these sigmas the states follow the messages.
     """
-    return replace(parameters, jerk_sigma_mps3=SIMULATED_JERK_MPS3, yaw_accel_sigma_radps2=SIMULATED_YAW_ACCEL_RADPS2)
+    return replace(
+        parameters, jerk_sigma_mps3=SIMULATED_JERK_SIGMA_MPS3, yaw_accel_sigma_radps2=SIMULATED_YAW_ACCEL_SIGMA_RADPS2
+    )

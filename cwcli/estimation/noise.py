@@ -7,7 +7,7 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
+from cwcli.estimation.model import MANOEUVRE_SIGMA_FACTOR_LIMITS, MotionParameters
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.passes import PassResult, SensorSeries
 from cwcli.estimation.prepare import average_rows_to_rate
@@ -126,7 +126,7 @@ def _refit_noise_and_motion(trials: FilterTrials, layout: StateLayout, fit: Nois
     """Return the fit after a round: noise by the innovations of its pass, then the sigmas of the motion."""
     fit = _match_noise_to_innovations(fit, result)
     base = trials.log_likelihood(fit.apply_to_layout(layout))
-    for name in MANOEUVRE_SIGMA_LIMITS:
+    for name in MANOEUVRE_SIGMA_FACTOR_LIMITS:
         fit, base = _refit_manoeuvre_sigma_and_get_likelihood(trials, layout, fit, name, base)
     return fit
 
@@ -163,7 +163,7 @@ def _refit_manoeuvre_sigma_and_get_likelihood(
     def log_likelihood(parameters: MotionParameters) -> float:
         return trials.log_likelihood(replace(fit, parameters=parameters).apply_to_layout(layout))
 
-    parameters, limits = fit.parameters, MANOEUVRE_SIGMA_LIMITS[sigma_name]
+    parameters, limits = fit.parameters, MANOEUVRE_SIGMA_FACTOR_LIMITS[sigma_name]
     current_sigma, first = float(getattr(parameters, sigma_name)), float(getattr(layout.parameters, sigma_name))
     sides = [parameters.with_manoeuvre_sigma(sigma_name, current_sigma * f) for f in (0.5, 2.0)]
     left, right = (log_likelihood(side) for side in sides)

@@ -27,7 +27,7 @@ MAX_PLAUSIBLE_YAW_RATE_RADPS = 3.0
 """Yaw rate that no car exceeds for a hundredth of a drive, rad/s. Chosen: in degrees every bend exceeds it."""
 MAX_CHANGE_PER_SECOND_BY_KIND = {Kind.POSITION: 100.0, Kind.VELOCITY: 12.0, Kind.SPEED: 12.0}
 """Greatest change per second of a position (m) and of velocity and speed (m/s). Chosen: tyres hold no more."""
-MIN_JUMP_IN_MEDIAN_STEPS = 6.0
+MIN_FIRST_ROW_JUMP_IN_MEDIAN_STEPS = 6.0
 """Median steps by which a jump must exceed the greatest change. Chosen by hand; not fitted."""
 N_FIRST_ROWS_COMPARED = 4
 """Number of first rows that are compared. Chosen by hand; not fitted."""
@@ -104,9 +104,9 @@ def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: ValueRows)
     if kind not in MAX_CHANGE_PER_SECOND_BY_KIND or len(time_s) < 2 * N_FIRST_ROWS_COMPARED:
         return False
     change = np.sqrt(np.square(np.diff(values, axis=0)).sum(axis=1))
-    most = MAX_CHANGE_PER_SECOND_BY_KIND[kind] * np.diff(time_s) + MIN_JUMP_IN_MEDIAN_STEPS * median_of_finite_values(
-        change
-    )
+    most = MAX_CHANGE_PER_SECOND_BY_KIND[kind] * np.diff(
+        time_s
+    ) + MIN_FIRST_ROW_JUMP_IN_MEDIAN_STEPS * median_of_finite_values(change)
     return bool(change[0] > most[0] and (change[1:N_FIRST_ROWS_COMPARED] <= most[1:N_FIRST_ROWS_COMPARED]).all())
 
 

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
+from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter
 from cwcli.kernels import ekf
@@ -34,7 +34,7 @@ MAX_REJECTION_TIME_OF_SLOW_SOURCE_S = 3.0
 MAX_PITCH_RATE_GAP_S = 0.2
 """Longest gap of the gyroscope, s, across which the pitch rate is interpolated; in a longer one it is zero. Chosen by
 hand; not fitted."""
-WHOLE_MESSAGE_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
+KINDS_OF_WHOLE_MOTION_MESSAGE = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
 """Kinds that a message of another vehicle holds when it tells the whole motion in the plane."""
 STATUS_OF_ROW_BEFORE_START = -1
 """Status of a row that is earlier than the start of the filter."""
@@ -118,7 +118,7 @@ class SensorSeries:
     @property
     def n_values_per_row(self) -> int:
         """Number of values in a row, which are its degrees of freedom."""
-        return QUANTITIES[self.kind].width
+        return QUANTITY_BY_KIND[self.kind].width
 
     def select_rows(self, row_mask: npt.NDArray[np.bool_]) -> SensorSeries:
         """Return the series in the rows of a mask (n,); itself if these are all."""
@@ -349,9 +349,9 @@ def _sender_number_by_series(series: Sequence[SensorSeries]) -> IntArray:
     found = np.full(len(series), -1, np.int32)
     rows: dict[tuple[str, float], dict[Kind, int]] = {}
     for i, s in enumerate(series):
-        if s.gate_nis > 0.0 and s.kind in WHOLE_MESSAGE_KINDS:
+        if s.gate_nis > 0.0 and s.kind in KINDS_OF_WHOLE_MOTION_MESSAGE:
             rows.setdefault((s.source, s.latency_s), {})[s.kind] = i
-    whole = [own for own in rows.values() if len(own) == len(WHOLE_MESSAGE_KINDS)]
+    whole = [own for own in rows.values() if len(own) == len(KINDS_OF_WHOLE_MOTION_MESSAGE)]
     for number, own in enumerate(whole):
         found[list(own.values())] = number
     return found
@@ -396,7 +396,7 @@ def _permitted_consecutive_rejections(s: SensorSeries, reset_after: int) -> int:
     It is at most `reset_after`, and at most `MAX_REJECTION_TIME_OF_SLOW_SOURCE_S` of a slow source. Where the rate of
     the rows is unknown it is two, and the kernel's own limit in seconds applies.
     """
-    if s.kind in RATE_KINDS:
+    if s.kind in IMU_RATE_KINDS:
         return MAX_CONSECUTIVE_IMU_REJECTIONS
     interval_s = s.interval_s
     if not interval_s > 0.0:

@@ -18,7 +18,7 @@ from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock_and_note
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS
+from cwcli.estimation.model import MANOEUVRE_SIGMA_FACTOR_LIMITS
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.lazy_dataclass import dataclass, replace
@@ -154,7 +154,7 @@ def calibrate_from_drives(drives: Sequence[DriveEvidence], name: str = "") -> Ca
                     for d in drives
                 ]
             )
-            for name in MANOEUVRE_SIGMA_LIMITS
+            for name in MANOEUVRE_SIGMA_FACTOR_LIMITS
         },
         logs=tuple(drive.log for drive in drives),
         minutes=total_s / SECONDS_PER_MINUTE,
@@ -261,7 +261,7 @@ def _pool_imu_mountings(drives: Sequence[DriveEvidence]) -> dict[str, dict[str, 
 
 def _distance_and_rms_motion_of_drives(drives: Sequence[DriveEvidence]) -> dict[str, float]:
     """Return the distance driven and the root mean squares of acceleration and yaw rate, by the keys of
-    `EVIDENCE_KEYS`."""
+    `DRIVING_AMOUNT_KEYS`."""
     state = [drive.track.state for drive in drives if len(drive.track.stamp_ns) > 1]
     if not state:
         return {}

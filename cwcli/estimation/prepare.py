@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.estimation.coarse_fixes import find_coarse_east_north_steps_m, note_on_coarse_fixes
 from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.imu import ImuMounting, LevelledImu, level_imu_by_gravity
-from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
+from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
@@ -28,7 +28,7 @@ MIN_ROWS_OF_COPY, MIN_COPY_SHARE = 50, 0.9
 hand: noise never repeats so often."""
 MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
 """Least number of short gaps in a burst, and the part of the usual gap below which one is short. Chosen by hand."""
-MIN_NOISE_TO_ROUGHNESS_RATIO = 0.5
+MIN_FITTED_IMU_NOISE_TO_ROUGHNESS = 0.5
 """Least noise that is fitted to an IMU, as a share of the noise that its second differences show. Chosen by hand; not
 fitted."""
 _NAME_OF_RATE_KIND: Mapping[Kind, str] = {Kind.ACCEL: "the acceleration", Kind.YAW_RATE: "the yaw rate"}
@@ -157,7 +157,7 @@ def prepare_without_looking_ahead(
     """Sort and split the measurements without using later rows: nothing is cleaned.
 
     A rate is not used until it changes, because until then the field may be unfilled. Noise that no message states is
-    that of `QUANTITIES`.
+    that of `QUANTITY_BY_KIND`.
 
     Args:
         measurements, zero_ns: See `clean_and_sort_measurements_and_note`.
@@ -168,7 +168,7 @@ def prepare_without_looking_ahead(
         finite = np.flatnonzero(np.isfinite(m.values).all(axis=1))
         rows = finite[np.argsort(m.stamp_ns[finite], kind="stable")]
         n_left_out = len(m) - len(rows)
-        if m.kind in RATE_KINDS:
+        if m.kind in IMU_RATE_KINDS:
             changes = np.flatnonzero((m.values[rows] != m.values[rows[:1]]).any(axis=1))
             rows = rows[changes[0] :] if len(changes) else rows[:0]
         time = seconds_since_zero_time(m.stamp_ns[rows], zero_ns)
@@ -251,7 +251,7 @@ def find_copied_source(m: Measurements, measurements: Sequence[Measurements]) ->
 
 def _is_unfilled_rate_field(kind: Kind, values: ValueRows) -> bool:
     """Whether a yaw rate or acceleration has one value for the whole log: then its field is not filled."""
-    if kind not in RATE_KINDS or len(values) < MIN_ROWS_OF_CONSTANT_FIELD:
+    if kind not in IMU_RATE_KINDS or len(values) < MIN_ROWS_OF_CONSTANT_FIELD:
         return False
     return bool((values == values[0]).all())
 
@@ -282,16 +282,16 @@ def _build_series_with_noise(
             said = (noise[:, 0] > 0) & (noise[:, 2] > 0) & (determinant > 0) & np.isfinite(noise).all(axis=1)
         else:
             said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0]) & ~_stated_sigma_beyond_limit_mask(kind, noise[:, 0])
-    guess = (_initial_noise_sigma(kind, time_s, values) if looks_ahead else QUANTITIES[kind].default_sigma) ** 2
+    guess = (_initial_noise_sigma(kind, time_s, values) if looks_ahead else QUANTITY_BY_KIND[kind].default_sigma) ** 2
     noise[~said] = (guess, 0.0, guess)
     if width == 1:
         noise[:, 1:] = 0.0
     origin = "message" if n and said.mean() > 0.5 else "default"
     padded = np.zeros((n, 2))
     padded[:, :width] = values
-    floor = QUANTITIES[kind].floor_sigma
-    if kind in RATE_KINDS:
-        floor = max(floor, MIN_NOISE_TO_ROUGHNESS_RATIO * guess**0.5)
+    floor = QUANTITY_BY_KIND[kind].floor_sigma
+    if kind in IMU_RATE_KINDS:
+        floor = max(floor, MIN_FITTED_IMU_NOISE_TO_ROUGHNESS * guess**0.5)
     interval_s = float("nan") if looks_ahead else float("inf")
     return SensorSeries(source, kind, time_s, padded, noise, noise_origin=origin, floor=floor, interval_s=interval_s)
 
@@ -311,7 +311,7 @@ def _accel_and_yaw_rate_series_with_notes(source: str, imu: LevelledImu) -> Iter
 
 def _stated_sigma_beyond_limit_mask(kind: Kind, variance: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether a message states more noise of a rate than such a sensor has, as where the field is filled with ones."""
-    if kind not in RATE_KINDS:  # a fix may be that bad, and then its row counts little
+    if kind not in IMU_RATE_KINDS:  # a fix may be that bad, and then its row counts little
         return np.zeros(len(variance), np.bool_)
     return variance >= WHITE_NOISE_RANGE_BY_KIND[kind].high ** 2
 
@@ -327,8 +327,8 @@ def _note_on_sigma_beyond_limit(source: str, kind: Kind, variance: FloatArray) -
 
 def _initial_noise_sigma(kind: Kind, time_s: FloatArray, values: ValueRows) -> float:
     """Return a starting sigma: an IMU's from its second differences, which the motion hardly touches at its rate."""
-    default = QUANTITIES[kind].default_sigma
-    if kind not in RATE_KINDS or len(time_s) < 200:
+    default = QUANTITY_BY_KIND[kind].default_sigma
+    if kind not in IMU_RATE_KINDS or len(time_s) < 200:
         return default
     second = values[2:, 0] - 2.0 * values[1:-1, 0] + values[:-2, 0]
     rough = median_of_values(np.abs(second)) / 0.6745 / np.sqrt(6.0)
@@ -353,6 +353,6 @@ def average_row_blocks(series: SensorSeries, factor: int) -> SensorSeries:
 
 def average_rows_to_rate(series: SensorSeries, rate_hz: float) -> SensorSeries:
     """Average an inertial series or a speed down to about `rate_hz`; other series are returned unchanged."""
-    if series.kind not in (*RATE_KINDS, Kind.SPEED) or len(series) < 3:
+    if series.kind not in (*IMU_RATE_KINDS, Kind.SPEED) or len(series) < 3:
         return series
     return average_row_blocks(series, int(1.0 / (rate_hz * max(median_of_values(np.diff(series.time_s)), 1e-4)) + 0.25))

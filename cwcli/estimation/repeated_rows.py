@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.measurements import QUANTITIES, Kind
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, ValueRows
@@ -26,7 +26,7 @@ second repeat every tenth value."""
 MIN_CHANGE_PER_ROW_IN_RESOLUTION_STEPS = 3.0
 """Least change per repeated row, in steps of the resolution, that shows a repetition. Chosen: rounding hides one."""
 MIN_RESOLUTION_SHARE_OF_LEAST_NOISE = 0.01
-"""Change, as a share of a kind's least noise (`QUANTITIES`), below which it is a rounding error. Chosen by hand."""
+"""Change, as a share of a kind's least noise (`QUANTITY_BY_KIND`), below which it is rounding. Chosen by hand."""
 MIN_RESOLVED_CHANGES = 8
 """Least number of small changes from which a resolution is read off. Chosen: eight changes without a resolution look
 like whole multiples of the least one in 1 of 15,000 cases."""
@@ -225,4 +225,4 @@ def _interpolated_row_mask_and_period_s(
 
 def _least_noise_sigma_of_kind(kind: Kind) -> float:
     """Return the least noise sigma of a kind; of an IMU that of the yaw rate, the finer one of its two quantities."""
-    return QUANTITIES[Kind.YAW_RATE if kind is Kind.IMU else kind].floor_sigma
+    return QUANTITY_BY_KIND[Kind.YAW_RATE if kind is Kind.IMU else kind].floor_sigma

@@ -34,7 +34,7 @@ SENDER_OFFSET_WINDOW_S = 2.0
 """Duration of the moments that are averaged, s. Chosen by hand; not fitted."""
 MIN_MOMENTS_FOR_OFFSET = 3
 """Least number of moments over which the offset of a sender is averaged. Chosen by hand; not fitted."""
-MIN_SQUARED_SIGMAS_ADVANTAGE = 13.8
+MIN_SQUARED_DISTANCE_EXCESS_OF_OTHER_CAR = 13.8
 """Least excess of the squared distance to another car: a likelihood ratio of 1000, as for joined ids. Chosen by hand;
 not fitted."""
 MAX_SQUARED_SIGMAS_FROM_SENDER = 13.8
@@ -117,7 +117,7 @@ def drop_senders_seen_by_others_and_note(
             is_sender[at.rows] = np.where(is_nearer, is_same, is_sender[at.rows])
             overlaps[at.rows] |= is_inside
     with np.errstate(invalid="ignore"):
-        is_sender &= next_nearest - nearest >= MIN_SQUARED_SIGMAS_ADVANTAGE  # no other sender could be it
+        is_sender &= next_nearest - nearest >= MIN_SQUARED_DISTANCE_EXCESS_OF_OTHER_CAR  # no other sender could be it
     n_known = sum(bool(is_sender[rows].any()) for rows in objects)
     n_unsure = sum(bool(overlaps[rows].any()) and not is_sender[rows].any() for rows in objects)
     notes = []
@@ -242,7 +242,7 @@ def _sender_and_overlap_masks_with_distance(
         compared, moving_mean(along), moving_mean(across), moving_mean(variance_along), moving_mean(variance_across)
     )
     is_inside = agrees & (own <= MAX_SQUARED_SIGMAS_FROM_SENDER) & (other > 0.0) & (counts >= MIN_MOMENTS_FOR_OFFSET)
-    is_same = is_inside & compared.is_fresh & (other - own >= MIN_SQUARED_SIGMAS_ADVANTAGE)
+    is_same = is_inside & compared.is_fresh & (other - own >= MIN_SQUARED_DISTANCE_EXCESS_OF_OTHER_CAR)
     return is_same, np.where(compared.motion_agrees, own, np.inf), is_inside
 
 

@@ -83,14 +83,14 @@ UNKNOWN_DELAY_SIGMA_S = 0.05
 """One sigma of the delay of a source of which nothing is known, s: a receiver with ten fixes a second computes for 30
 to 100 ms before it sends, a car's bus and an operating system delay by 5 to 50 ms. Chosen as a round number of
 these."""
-LEAST_DELAY_IN_STAMP_SIGMAS = 2.0
+UNKNOWN_DELAY_SIGMA_IN_STAMP_SIGMAS = 2.0
 """One sigma of the unknown delay of a source, in sigmas of its stamp errors. A delay that varies from 0 on has a mean
 of 1 (exponential) to 1.7 (even) of its own sigma, and most have a part beside it that is constant."""
 STAMP_SIGMA_RANGE = ParameterRange(
     0.0, 0.2, "s", "twice the interval of fixes ten times a second: more than that are fixes that are repeated or stall"
 )
 """Range of the sigma of stamp errors, s; its field `source` gives the reason."""
-HEIGHT_ABOVE_SPEED_POINT_RANGE = ParameterRange(-3.0, 3.0, "m", "from the road to the roof of a van")
+ESTIMATED_POINT_ABOVE_SPEED_POINT_RANGE = ParameterRange(-3.0, 3.0, "m", "from the road to the roof of a van")
 """Range of the height, m, of the estimated point above the point of a speed; its field `source` gives the reason."""
 LONGITUDINAL_LEVER_ARM_RANGE = ParameterRange(
     -6.0, 6.0, "m", "from the rear axle to the front of a van; a longer vehicle needs --lever-arm"
@@ -113,6 +113,8 @@ def range_of_sensor_error(name: str, kind: Kind) -> ParameterRange:
     """Return the range of an error of the sensor model, by its name in `sensor_model`, for a source of a kind."""
     if name == "slow":
         return ROAD_GRADE_ACCEL_SIGMA_RANGE if kind is Kind.ACCEL else SLOW_POSITION_SIGMA_RANGE
-    return {"scale": SPEED_SCALE_RANGE, "lever": HEIGHT_ABOVE_SPEED_POINT_RANGE, "ahead": LONGITUDINAL_LEVER_ARM_RANGE}[
-        name
-    ]
+    return {
+        "scale": SPEED_SCALE_RANGE,
+        "lever": ESTIMATED_POINT_ABOVE_SPEED_POINT_RANGE,
+        "ahead": LONGITUDINAL_LEVER_ARM_RANGE,
+    }[name]

@@ -36,7 +36,7 @@ IMU_HEIGHT_PRIOR_SIGMA_M = 1.0
 """One sigma of the height of an IMU above the wheels, m. Chosen: between the axles and a truck's roof."""
 LEVER_ARM_AHEAD_PRIOR_SIGMA_M = 2.0
 """One sigma of the lever arm ahead, m. Chosen: an antenna stands between the front and the rear of a car."""
-GRAVITY_CHANGE_PER_TURN_MPS2 = STANDARD_GRAVITY_MPS2 * 0.035
+GRAVITY_CHANGE_SIGMA_PER_RADIAN_MPS2 = STANDARD_GRAVITY_MPS2 * 0.035
 """One sigma of the change of gravity's forward part while a car turns by a radian, m/s^2.
 
 Chosen: roads are sloped by 2 degrees (one sigma) in both directions, and a turn on a slope causes no pitch rate."""
@@ -153,7 +153,7 @@ def add_sensor_error_states(base: StateLayout, model: SensorModel) -> StateLayou
             state = add(n, slow.sigma**2, 2.0 * slow.sigma**2 / slow.time_s, slow.time_s)
             series[i] = replace(s, slow_state=state)
             if s.kind is Kind.ACCEL and state >= 0:
-                turn_noise[state] = GRAVITY_CHANGE_PER_TURN_MPS2**2
+                turn_noise[state] = GRAVITY_CHANGE_SIGMA_PER_RADIAN_MPS2**2
             if i in model.pitch_compensated and s.pitch_rate is not None:
                 series[i] = remove_gravity_by_gyroscope_pitch(series[i], slow.time_s)
         if i in model.scaled and len(s):

@@ -15,7 +15,7 @@ from dataclasses import field
 
 import numpy as np
 
-from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
+from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind
 from cwcli.estimation.noise import FIRST_POSITION_LEAD_IN_S, longest_driven_window_start_s
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.parameter import ParameterStatus
@@ -55,7 +55,7 @@ INITIAL_GRADE_ERROR = GaussMarkovError(0.2, 15.0)
 """Initial error of an accelerometer by the grade (m/s^2, s). Chosen: 1.2 degrees, a hill of a few hundred metres."""
 INITIAL_POSITION_TIME_CONSTANT_S = 10.0
 """Time constant at which the search for a slow error of positions begins, s. Chosen by hand; not fitted."""
-TIME_CONSTANT_LIMITS_S = {Kind.POSITION: (1.0, 300.0), Kind.ACCEL: (5.0, 300.0)}
+SLOW_ERROR_TIME_CONSTANT_LIMITS_S = {Kind.POSITION: (1.0, 300.0), Kind.ACCEL: (5.0, 300.0)}
 """Least and greatest time constant of a slow error, s. Chosen: a slope lasts longer than the pitch of a body."""
 SEARCH_POSITION_NOISE_M_PER_ROOT_S = 0.03
 """Position noise during the search, m per root s. Chosen below the filter's own: slow errors need a long memory."""
@@ -177,7 +177,7 @@ def _model_with_all_possible_errors(
             slow[i] = known_model.slow.get(
                 i,
                 GaussMarkovError(
-                    max(_root_mean_square_noise_sigma(s), QUANTITIES[s.kind].floor_sigma),
+                    max(_root_mean_square_noise_sigma(s), QUANTITY_BY_KIND[s.kind].floor_sigma),
                     INITIAL_POSITION_TIME_CONSTANT_S,
                 ),
             )
@@ -260,7 +260,7 @@ class _SensorModelTrials:
         result = self._trials.run_filter(self.base)
         # A spike of an inertial sensor spoils a row or two; a manoeuvre that looks like one must stay.
         trials = [
-            replace(s.select_rows((status >= UpdateStatus.USED) | (s.kind in RATE_KINDS)), gate_nis=0.0)
+            replace(s.select_rows((status >= UpdateStatus.USED) | (s.kind in IMU_RATE_KINDS)), gate_nis=0.0)
             for s, status in zip(cut, result.status, strict=True)
         ]
         self.base = replace(self.base, series=trials)
@@ -330,7 +330,7 @@ class _SensorModelTrials:
         self, i: int, slow: GaussMarkovError, wider: float, longer: float
     ) -> GaussMarkovError | None:
         """Return a slow error scaled by two factors; None where its time constant leaves its limits."""
-        shortest, longest = TIME_CONSTANT_LIMITS_S[self.base.series[i].kind]
+        shortest, longest = SLOW_ERROR_TIME_CONSTANT_LIMITS_S[self.base.series[i].kind]
         scaled_error = GaussMarkovError(slow.sigma * wider, slow.time_s * longer)
         return (
             scaled_error

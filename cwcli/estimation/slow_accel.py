@@ -19,12 +19,12 @@ from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATIO
 
 MIN_STEPS_FOR_SLOW_PART = 12
 """Least number of changes of speed from step to step: four for each fitted number. Chosen by hand; not fitted."""
-MIN_SLOW_PART_SIGMAS = 8.0
+MIN_INVERSE_TIME_CONSTANT_IN_SIGMAS = 8.0
 """Least 1 / T in sigmas. Chosen by hand, not fitted: slopes that wander look like it by 3 sigmas (Dickey and Fuller),
 and the errors of fixes last for some steps."""
-MAX_TIME_CONSTANT_OF_FILTER_S = 30.0
+MAX_TIME_CONSTANT_OF_HIGH_PASS_S = 30.0
 """Greatest time constant that is told from slopes, s: hills of a few hundred metres last as long. Chosen by hand."""
-MAX_RESIDUAL_SCATTERS = 4.0
+MAX_SLOW_PART_RESIDUAL_IN_SCATTERS = 4.0
 """Greatest residual, in scatters, that the second pass uses; jumps of fixes lie beyond. Chosen by hand."""
 MIN_SHARE_OF_POWER_WITHOUT_LINE = 1e-12
 """Least share of the integral's sum of squares that a line leaves; below it is rounding. Chosen by hand."""
@@ -54,8 +54,8 @@ def high_pass_time_constant_of_accelerometer_s(accel: StepMotion, fixes: StepMot
         rest = missing - slope * free_way
         sigma = math.sqrt(float(rest @ rest) / (len(steps) - 3) / power)
         scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(rest))
-        rows[steps] = np.abs(rest) <= MAX_RESIDUAL_SCATTERS * scatter
-    is_clear = slope > MIN_SLOW_PART_SIGMAS * sigma and slope * MAX_TIME_CONSTANT_OF_FILTER_S > 1.0
+        rows[steps] = np.abs(rest) <= MAX_SLOW_PART_RESIDUAL_IN_SCATTERS * scatter
+    is_clear = slope > MIN_INVERSE_TIME_CONSTANT_IN_SIGMAS * sigma and slope * MAX_TIME_CONSTANT_OF_HIGH_PASS_S > 1.0
     return 1.0 / slope if is_clear else math.nan
 
 

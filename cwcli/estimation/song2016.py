@@ -49,7 +49,7 @@ DERIVATIVE_SLOPE_WINDOW_SAMPLES = 8
 
 The paper says that they are "computed from the measured" values, not how. Chosen on the paper's drives: with 0.2 s the
 models with jerk are the worse ones, and a longer window sees a manoeuvre too late for fig. 9."""
-MAX_STEPPED_PAUSE_S = 60.0
+MAX_PAUSE_FILLED_WITH_STEPS_S = 60.0
 """Longest pause of all measurements, s, through which steps are made; the filter counts a longer one as a minute.
 Chosen by hand."""
 DIFFERENTIATED_STATES = slice(ACCEL, YAW_RATE + 1)
@@ -274,7 +274,7 @@ def _step_numbers_without_pauses(
     measured = np.concatenate([np.round(s.time_s / step_s).astype(np.int64) for s in series])
     ends = sort_distinct_values(np.append(measured[measured >= first_step], first_step))
     rows_between_ends = np.diff(ends)
-    each = np.where(rows_between_ends * step_s > MAX_STEPPED_PAUSE_S, 1, rows_between_ends)
+    each = np.where(rows_between_ends * step_s > MAX_PAUSE_FILLED_WITH_STEPS_S, 1, rows_between_ends)
     within = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
     return sort_distinct_values(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted_steps]))
 

@@ -40,7 +40,7 @@ MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT = 5.0
 """Least gain over the next hypothesis with another effect: odds of 150 to 1. Chosen by hand; not fitted."""
 LOG_LIKELIHOOD_COST_OF_SECOND_FAULT = 3.0
 """Log-likelihood that a second fault of a source must gain: odds of 20 to 1. Chosen by hand; not fitted."""
-MAX_WAY_RATIO_ERROR = 0.05
+MAX_DISTANCE_RATIO_ERROR = 0.05
 """Greatest relative difference from 1 of the ratio of ways after a correction: worn tyres and noise; the steps from
 feet/s to km/h and from knots to miles/h are twice as large. Chosen by hand; not fitted."""
 MAX_RATE_RATIO_ERROR = 0.15
@@ -153,7 +153,7 @@ def sources_agreeing_after_correction(
     ]
     for each in agreeing:
         limit = {
-            SourceComparisonCheck.WAY: MAX_WAY_RATIO_ERROR,
+            SourceComparisonCheck.WAY: MAX_DISTANCE_RATIO_ERROR,
             SourceComparisonCheck.TURN: max_rate_error,
             SourceComparisonCheck.SPEED_CHANGE: max_rate_error,
         }.get(each.check, math.inf)

@@ -17,7 +17,7 @@ from collections.abc import Hashable, Sequence
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
+from cwcli.estimation.model import MANOEUVRE_SIGMA_FACTOR_LIMITS, MotionParameters
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter, ParameterStatus
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.score import (
@@ -255,7 +255,7 @@ class _StampErrorSearch:
         series[self._i] = replace(series[self._i].scale_noise_variance(white), stamp_error=error)
         factors[self._i] *= white
         parameters = self._fit.parameters
-        for name, step in zip(MANOEUVRE_SIGMA_LIMITS, point[2:], strict=True):
+        for name, step in zip(MANOEUVRE_SIGMA_FACTOR_LIMITS, point[2:], strict=True):
             sigma = float(getattr(parameters, name)) * 2.0 ** (step / GRID_STEPS_PER_OCTAVE)
             parameters = parameters.with_manoeuvre_sigma_within_limits(name, sigma, self._layout.parameters)
         return NoiseFit(tuple(series), tuple(factors), parameters)

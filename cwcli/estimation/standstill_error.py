@@ -26,7 +26,7 @@ STANDSTILL_WINDOW_S = 5.0
 standstill that is used, s. Chosen by hand: an error of half a metre that lasts for 20 s moves by 0.05 m/s in it."""
 MAX_FIX_INTERVAL_IN_STANDSTILL_S = 1.0
 """Greatest interval between two fixes of one standstill, s. Chosen by hand; not fitted."""
-ERROR_COVARIANCE_LAG_S = 0.5
+FIX_ERROR_COVARIANCE_LAG_S = 0.5
 """Interval of two fixes whose errors are compared, s: white noise has no covariance over it, lasting errors have."""
 MIN_FIX_INTERVAL_S = 1e-3
 """Least interval of two fixes, s: of stamps that are cut, most differ by 0. Chosen by hand."""
@@ -85,7 +85,7 @@ def _standstill_errors_of_source(
         mean = fixes.values[rows, :2].mean(axis=0)
         error = fixes.values[rows, :2] - mean
         step_s = max(median_of_finite_values(np.diff(time_s[rows])), MIN_FIX_INTERVAL_S)  # stamps may be equal
-        lag = max(1, round(ERROR_COVARIANCE_LAG_S / step_s))
+        lag = max(1, round(FIX_ERROR_COVARIANCE_LAG_S / step_s))
         covariance_sum += float((error[lag:] * error[:-lag]).sum())
         variance_sum += float((error[lag:] ** 2).sum())
         n += 2 * max(len(error) - lag, 0)

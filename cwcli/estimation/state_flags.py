@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.measurements import RATE_KINDS, Kind
+from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import FilterStart, PassResult, SensorSeries
 from cwcli.estimation.start import first_heading_time_s
@@ -78,7 +78,7 @@ def compute_state_flags(
     started_s = np.append(restart_s, shown_s)
     set_flag_between(StateFlag.STARTING, np.append(restart_s, -np.inf), _settling_ends_s(series, started_s))
     for s, found in zip(series, status, strict=True):
-        if s.kind in RATE_KINDS:
+        if s.kind in IMU_RATE_KINDS:
             continue
         time = s.time_s - s.latency_s
         believed = np.flatnonzero(found >= UpdateStatus.USED)
@@ -141,7 +141,7 @@ def begins_ends_and_rows_of_rejecting_spans(
     """
     time_s = s.time_s - s.latency_s
     rejected = status == UpdateStatus.GATED
-    if s.kind in RATE_KINDS or not rejected.any():
+    if s.kind in IMU_RATE_KINDS or not rejected.any():
         return np.zeros(0), np.zeros(0), np.zeros(0, np.intp)
     rows = np.flatnonzero(rejected)
     is_first = ~np.append(False, rejected)[rows]

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
-from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.lazy_dataclass import replace
 from cwcli.signals.role import Role
 from cwcli.text import parse_float_or_nan
@@ -108,7 +108,7 @@ def apply_stated_noise(
             continue
         if (len(stated) == 2) != (each.kind is Kind.IMU):
             raise UsageError(f"--sigma {each.source}: an IMU needs two values, other sensors one")
-        width = QUANTITIES[each.kind].width
+        width = QUANTITY_BY_KIND[each.kind].width
         per_value = np.repeat(np.square(stated), width // len(stated))
         covariance = np.tile(np.diag(per_value), (len(each.stamp_ns), 1, 1))
         if each.covariance is not None:

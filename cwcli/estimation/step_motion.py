@@ -23,7 +23,7 @@ MAX_BRIDGED_GAP_S = 1.0
 MAX_BRIDGED_GAP_INTERVALS = 2.5
 """Longest pause of a slow source that is interpolated, in its median intervals. Chosen by hand; not fitted."""
 MIN_POSITION_SIGMA_M = 0.05
-"""Least sigma of a position, m: that of `measurements.QUANTITIES`."""
+"""Least sigma of a position, m: that of `measurements.QUANTITY_BY_KIND`."""
 MIN_FIX_DISTANCE_FOR_COURSE_SIGMAS = 6.0
 """Least distance between two fixes, in sigmas of its noise, that gives a speed and a course. Chosen by hand."""
 SHARED_FIX_SIGMA_FACTOR = 1.5**0.5

@@ -51,9 +51,9 @@ from cwcli.estimation.limit_check import (
     find_contradictions_of_changing_latencies,
     find_values_beyond_sensor_limits,
 )
-from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
+from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind, Measurements
 from cwcli.estimation.median import median_of_finite_values
-from cwcli.estimation.model import MANOEUVRE_SIGMA_LIMITS, MotionParameters
+from cwcli.estimation.model import MANOEUVRE_SIGMA_FACTOR_LIMITS, MotionParameters
 from cwcli.estimation.net_acceleration import reports_without_net_acceleration
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.passes import (
@@ -109,7 +109,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
 from cwcli.work_share import part_of_work, report_work
 
-MIN_NIS_ROWS = 20
+MIN_ROWS_FOR_REPORTED_NIS = 20
 """Least number of rows of a source whose NIS is reported. Chosen by hand; not fitted."""
 MIN_WAIT_FOR_POSITION_TO_REFINE_START_S = 3.0
 """Time without a position after the start from which the start is refined, s. Chosen by hand; not fitted."""
@@ -358,7 +358,7 @@ def _filter_and_smooth(
         for s, report in zip(tuned.series, reports, strict=True):
             notes += bias_contradiction_notes(s, report.bias, report.bias_sigma, config.calibration)
     for r in reports:
-        if r.n_resets and r.kind not in RATE_KINDS:
+        if r.n_resets and r.kind not in IMU_RATE_KINDS:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
             notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
     jumped = [r.source for r in reports if r.n_resets and r.kind is Kind.POSITION]
@@ -407,7 +407,7 @@ def _filter_and_smooth(
         reports,
         result.log_likelihood,
         tuple(notes),
-        {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMA_LIMITS},
+        {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMA_FACTOR_LIMITS},
         _collect_gated_rows(tuned, result, tuned_measurements.epoch_ns, config.gate_probability),
         contradictions
         if config.blind
@@ -485,7 +485,7 @@ def _build_source_report(
     s, latency, stated = tuned.series[i], tuned.latencies[i], prepared_series.series
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
-    if int((status != STATUS_OF_ROW_BEFORE_START).sum()) >= MIN_NIS_ROWS:
+    if int((status != STATUS_OF_ROW_BEFORE_START).sum()) >= MIN_ROWS_FOR_REPORTED_NIS:
         was_used = (
             nis[status >= UpdateStatus.USED]
             if (status >= UpdateStatus.USED).any()
@@ -517,7 +517,7 @@ def _build_source_report(
         nis_bounds=bounds,
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
-        scatter=float("nan") if s.kind in RATE_KINDS else noise_sigma_from_scatter_about_neighbours(s),
+        scatter=float("nan") if s.kind in IMU_RATE_KINDS else noise_sigma_from_scatter_about_neighbours(s),
         log_likelihood=float(np.nansum(row_log_likelihoods(s, result.nis[i]))),
         noise_origin=s.noise_origin,
         noise_scale=(

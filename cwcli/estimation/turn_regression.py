@@ -25,7 +25,7 @@ MIN_STD_OF_TURNS_RAD = 0.15
 HALF_INTERVAL_OF_RATIO_IN_SIGMAS = 4.0
 """Half the width of the interval of the ratio in sigmas: neighbouring steps share a fix, and are not independent.
 Chosen by hand; not fitted."""
-MAX_RESIDUAL_SIGMAS = 4.0
+MAX_TURN_RESIDUAL_IN_SCATTERS = 4.0
 """Largest residual, in scatters of the residuals, that the second pass of the regression uses; jumps of fixes lie
 beyond. Chosen by hand."""
 MIN_RESIDUAL_SCATTER_RAD = 0.01
@@ -68,7 +68,7 @@ def regressed_turn_ratio(one: StepMotion, other: StepMotion) -> TurnRatio:
             MIN_RESIDUAL_SCATTER_RAD, SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(rest[rows])
         )
         sigma = math.sqrt(float(np.square(rest[rows]).sum()) / (n - 2) / power)
-        rows &= rest < MAX_RESIDUAL_SIGMAS * scatter
+        rows &= rest < MAX_TURN_RESIDUAL_IN_SCATTERS * scatter
     low, high = slope - HALF_INTERVAL_OF_RATIO_IN_SIGMAS * sigma, slope + HALF_INTERVAL_OF_RATIO_IN_SIGMAS * sigma
     if not is_one_quiet:
         return TurnRatio(slope, low, high, n)

@@ -9,7 +9,7 @@ from typing import Any
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import (
-    VEHICLE_KEY,
+    VEHICLE_RECORD_KEY,
     Record,
     parse_json_entry_or_empty,
     read_configuration,
@@ -86,8 +86,8 @@ def _read_settings(record: Record, *, with_constants: bool) -> dict[str, Any]:
     if CALIBRATION_KEY in record:
         text = record[CALIBRATION_KEY]
         found[CALIBRATION_KEY] = _read_constants(text) if with_constants else "constants from a file"
-    if VEHICLE_KEY in record:
-        found[VEHICLE_KEY] = parse_json_entry_or_empty(record, VEHICLE_KEY, dict)
+    if VEHICLE_RECORD_KEY in record:
+        found[VEHICLE_RECORD_KEY] = parse_json_entry_or_empty(record, VEHICLE_RECORD_KEY, dict)
     return found
 
 

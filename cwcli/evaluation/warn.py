@@ -25,7 +25,7 @@ from cwcli.measures.pair import ActualTrack
 from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.records import (
-    WITHHELD_KEY,
+    WITHHELD_WARNINGS_RECORD_KEY,
     Record,
     parse_json_entry_or_empty,
     read_configuration,
@@ -147,7 +147,7 @@ def add_metrics(context: EvaluationContext) -> None:
     if LANE_DEPARTURE in rules:
         headline.add_count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))
     record, _ = find_collision_warning_record_and_is_of_targets(records)
-    withheld = parse_json_entry_or_empty(record, WITHHELD_KEY, dict)
+    withheld = parse_json_entry_or_empty(record, WITHHELD_WARNINGS_RECORD_KEY, dict)
     collision_rules = [rule for rule in rules if rule != LANE_DEPARTURE]
     real = find_actual_outcomes(log) if collision_rules else None
     if real is None:  # the states are missing

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-ASSUMED_LENS_TEXT = "no calibration for"
+ASSUMED_LENS_NOTE_BEGINNING = "no calibration for"
 """Beginning of the note that the lens is assumed."""
-ASSUMED_MOUNTING_TEXT = "the camera's mounting is not known"
+ASSUMED_MOUNTING_NOTE_BEGINNING = "the camera's mounting is not known"
 """Beginning of the note that the mounting is assumed."""

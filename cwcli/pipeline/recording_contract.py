@@ -22,9 +22,9 @@ from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.toml_text import parse_toml
 
-LOG_CONDITIONS = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")
+LOG_CONDITION_KEYS = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")
 """Keys that a contract may have at its top level; `roles` and `topics` hold lists and tables."""
-TOPIC_CONDITIONS = {
+FIELD_BY_TOPIC_CONDITION = {
     "min_messages": "messages",
     "min_rate_hz": "rate_hz",
     "max_rate_hz": "rate_hz",
@@ -75,14 +75,14 @@ class RecordingContract:
             raise UsageError(f"can't read the contract: {error.strerror}", where=path) from error
         except (ValueError, RecursionError) as error:
             raise UsageError(f"the contract is not TOML: {error}", where=path) from error
-        _check_known_keys(path, document, LOG_CONDITIONS, "")
+        _check_known_keys(path, document, LOG_CONDITION_KEYS, "")
         roles, topics = document.pop("roles", []), document.pop("topics", {})
         if not isinstance(roles, list) or not set(map(str, roles)) <= set(known_roles):
             raise UsageError("roles must be a list of roles", where=path, hint=f"roles: {', '.join(known_roles)}")
         if not isinstance(topics, dict) or not all(isinstance(each, dict) for each in topics.values()):
             raise UsageError("topics must be tables", where=path, hint='[topics."/gps/fix"]')
         for topic, conditions in topics.items():
-            _check_known_keys(path, conditions, ("schema", *TOPIC_CONDITIONS), f"{topic}: ")
+            _check_known_keys(path, conditions, ("schema", *FIELD_BY_TOPIC_CONDITION), f"{topic}: ")
             if not isinstance(conditions.get("schema", ""), str):
                 what = f"{topic}: schema = {conditions['schema']!r} is not the name of a type"
                 raise UsageError(what, where=path, hint='schema = "sensor_msgs/NavSatFix"')
@@ -130,7 +130,9 @@ class RecordingContract:
                         ConditionVerdict(topic, f"schema {limit}", schemas[topic] or "none", schemas[topic] == limit)
                     )
                 else:
-                    verdicts.append(_compare_with_limit(topic, name, limit, topics[topic][TOPIC_CONDITIONS[name]]))
+                    verdicts.append(
+                        _compare_with_limit(topic, name, limit, topics[topic][FIELD_BY_TOPIC_CONDITION[name]])
+                    )
         return verdicts
 
 

@@ -21,9 +21,9 @@ from cwcli.signals.geodesy import LocalMap
 
 RUN_RECORD_PREFIX = "cwcli.run."
 """Beginning of the names of the metadata records of runs; the name of the stage follows it."""
-VEHICLE_KEY = "vehicle"
+VEHICLE_RECORD_KEY = "vehicle"
 """Entry of the record of `observe` that holds the car's parameters as JSON."""
-WITHHELD_KEY = "withheld"
+WITHHELD_WARNINGS_RECORD_KEY = "withheld"
 """Entry of a warning stage's record that holds the number of withheld warnings of each rule as JSON."""
 MAX_RECORDED_LATENCY_S = 86_400.0
 """Greatest latency that a record may state, s: a day; anything beyond is ignored. Chosen by hand."""
@@ -162,7 +162,7 @@ def local_map_from_estimate_record(record: Record) -> LocalMap | None:
 
 def vehicle_to_record_entry(vehicle: Vehicle) -> dict[str, str]:
     """Return the entry of the record of `observe` that holds the car."""
-    return {VEHICLE_KEY: json.dumps(asdict(vehicle), sort_keys=True)}
+    return {VEHICLE_RECORD_KEY: json.dumps(asdict(vehicle), sort_keys=True)}
 
 
 def vehicle_and_notes_from_log(log: Log) -> tuple[Vehicle, tuple[str, ...]]:
@@ -171,7 +171,7 @@ def vehicle_and_notes_from_log(log: Log) -> tuple[Vehicle, tuple[str, ...]]:
     Raises:
         DataError: The record is damaged.
     """
-    entry = read_run_records(log).get("observe", {}).get(VEHICLE_KEY)
+    entry = read_run_records(log).get("observe", {}).get(VEHICLE_RECORD_KEY)
     if entry is None:
         vehicle = load_vehicle()
         note = f"the log does not name its car (no record {RUN_RECORD_PREFIX}observe): {vehicle.name} is assumed"

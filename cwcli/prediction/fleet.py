@@ -20,7 +20,7 @@ FLEET_PRIOR_FILE = "fleet_prior.toml"
 """Name of the shipped file with the fleet's prior; `python -m tests.studies.fleet_prior` writes it."""
 HORIZON_KNOTS_S = np.array([0.5, 1.0, 2.5, 5.0])
 """Horizons (s) at which gains and ellipses are measured; between them they are interpolated. Chosen by hand."""
-DERIVATIVE_PARTS = ("unclear", "lasting", "new")
+DERIVATIVE_PART_NAMES = ("unclear", "lasting", "new")
 """The parts that a derivative is divided into, see
 `prediction.outcome_history.unclear_lasting_new_shares_of_derivatives`."""
 FLEET_QUANTILE_LEVELS = np.array([0.05, 0.25, 0.5, 0.75, 0.9, 0.97])
@@ -50,7 +50,7 @@ def load_fleet_prior() -> FleetPrior:
     table = tomllib.loads(files("cwcli.prediction").joinpath(FLEET_PRIOR_FILE).read_text(encoding="utf-8"))
     axes = (table["along"], table["across"])
     return FleetPrior(
-        gain=np.array([[axis[part] for part in DERIVATIVE_PARTS] for axis in axes], dtype=np.float64).transpose(
+        gain=np.array([[axis[part] for part in DERIVATIVE_PART_NAMES] for axis in axes], dtype=np.float64).transpose(
             0, 2, 1
         ),
         error_m=np.array([axis["error_m"] for axis in axes], dtype=np.float64),

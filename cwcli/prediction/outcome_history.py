@@ -166,7 +166,7 @@ def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
 
 
 def unclear_lasting_new_shares_of_derivatives(track: StateHistory) -> PartShares:
-    """Divide acceleration and yaw rate into `fleet.DERIVATIVE_PARTS`, by knot, (n, 2, k, 3): shares that add up to 1.
+    """Divide acceleration and yaw rate into `fleet.DERIVATIVE_PART_NAMES`, by knot, (n, 2, k, 3): shares with sum 1.
 
     Unclear is what may be noise. Lasting is what is clear and was as large on average over the last h/2, for a horizon
     h: what lasts that long has mostly lasted some time. New is the rest: a manoeuvre that has just begun.

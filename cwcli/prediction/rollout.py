@@ -13,7 +13,7 @@ from cwcli.kernels import paths as kernel
 from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.driver import DerivativeTrust, DriverPrior, displacement_variance_s4, fading_accel_displacement_s2
 from cwcli.prediction.integrate import integrate_paths
-from cwcli.prediction.models import HYPOTHESES, MODELS
+from cwcli.prediction.models import HYPOTHETICAL_MODELS, MODELS
 from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
@@ -93,7 +93,7 @@ def roll_out_paths(
     start's covariance) plus what the driver may do beyond the model (`DriverPrior`), along and across the heading.
 
     Args:
-        model: A key of `MODELS` or `HYPOTHESES`.
+        model: A key of `MODELS` or `HYPOTHETICAL_MODELS`.
         state: Shape (n, 8): x_m, y_m, speed_mps, heading_rad, accel_mps2, yaw_rate_radps, jerk_mps3, yaw_accel_radps2.
         covariance: Shape (n, 8, 8), same order; None: the start is taken as known, only the driver's noise grows.
         points: Shape (p,), increasing: which points of `path_time_grid_s` are wanted; None: all. They are the same
@@ -151,7 +151,7 @@ def check_rollout_options(model: str, discretisation: Discretisation, horizon_s:
 
 def _require_model(name: str, discretisation: Discretisation) -> Model:
     """The model of this name; a `UsageError` if it is unknown or has no form in this discretisation."""
-    model = HYPOTHESES[name] if name in HYPOTHESES else MODELS.require(name)
+    model = HYPOTHETICAL_MODELS[name] if name in HYPOTHETICAL_MODELS else MODELS.require(name)
     if discretisation == "paper" and not model.in_paper:
         raise UsageError(f"model '{name}' has no form in song2016", hint="use --discretisation exact")
     return model

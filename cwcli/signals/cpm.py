@@ -73,7 +73,7 @@ def _presence_and_form_paths(vector: str) -> tuple[str, str]:
     return f"{ROS_OBJECTS_PATH}.{vector}_is_present", f"{ROS_OBJECTS_PATH}.{vector}.choice"
 
 
-LEAF_FIELDS = (
+ROS_LEAF_FIELDS = (
     *(path for paths in ROS_SENDER_PATHS.values() for path in paths),
     *ROS_OBJECT_PATHS.values(),
     *ROS_PRESENCE_PATHS.values(),
@@ -97,7 +97,7 @@ def read_ros_cpm_objects(columns: Columns) -> Objects:
         is_there, choice = (objects.read_numbers(path) for path in _presence_and_form_paths(vector))
         for k, names in enumerate(forms):
             values |= {name: np.where((is_there != 0) & (choice == k), values[name], np.nan) for name in names}
-    return ((columns.with_fields_of_rows(rows, values), OBJECT_CODEC),)
+    return ((columns.with_fields_of_rows(rows, values), PERCEIVED_OBJECT_CODEC),)
 
 
 def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
@@ -197,7 +197,7 @@ def _velocity_and_sigmas(
     return east, north, speed_95 / SIGMAS_PER_95_PERCENT_HALF_WIDTH, direction_95 / SIGMAS_PER_95_PERCENT_HALF_WIDTH
 
 
-OBJECT_CODEC = perceived.make_object_codec(decode_perceived_objects)
+PERCEIVED_OBJECT_CODEC = perceived.make_object_codec(decode_perceived_objects)
 """The codec of the perceived objects of a CPM, one a row."""
-ROS_CPM = perceived.make_objects_only_codec("CPM", read_ros_cpm_objects)
+ROS_CPM_CODEC = perceived.make_objects_only_codec("CPM", read_ros_cpm_objects)
 """The codec of a ROS channel of CPMs."""

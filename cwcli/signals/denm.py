@@ -67,7 +67,7 @@ DENM_PATHS = _TABLE.columns["denm"]
 """The component of a DENM, by quantity."""
 _PLACE_QUANTITIES = ("latitude_deg", "longitude_deg")
 """The quantities that are measured; all others are codes that must be whole numbers."""
-LEAF_FIELDS = ros_leaf_fields_of_components(DENM_PATHS)
+ROS_LEAF_FIELDS = ros_leaf_fields_of_components(DENM_PATHS)
 """The leaf fields of the ROS message that are read."""
 
 
@@ -165,5 +165,5 @@ def _count_faults_and_set_all_aside(columns: Columns, ledger: RowLedger) -> Remo
     return empty_remote_rows(len(columns))
 
 
-ROS_DENM = V2xCodec(unknown_senders, _count_faults_and_set_all_aside, events=read_ros_events_and_unreadable_mask)
+ROS_DENM_CODEC = V2xCodec(unknown_senders, _count_faults_and_set_all_aside, events=read_ros_events_and_unreadable_mask)
 """The codec of a ROS channel of DENMs."""

@@ -37,7 +37,7 @@ CAM_TS_PATHS = CAM_PATHS | _TABLE.columns["cam_ts"]
 """The component of a CAM of release 2 (TS 103 900), by quantity; two containers have other names inside."""
 _VERSIONS = (CAM_PATHS, CAM_TS_PATHS, VAM_PATHS)
 """The components in each version that has a ROS message."""
-_LEAF_PATHS = {name: [ros_leaf_path(paths[name]) for paths in _VERSIONS if name in paths] for name in CAM_PATHS}
+_ROS_LEAF_PATHS = {name: [ros_leaf_path(paths[name]) for paths in _VERSIONS if name in paths] for name in CAM_PATHS}
 """The leaf fields that can hold a quantity in the ROS messages."""
 STATION_ID_PATHS = ("header.station_id.value", "header.station_id")
 """The paths of the station id in the ROS messages."""
@@ -61,7 +61,7 @@ CAM_LEAF_FIELDS, CAM_TS_LEAF_FIELDS, VAM_LEAF_FIELDS = map(ros_leaf_fields_of_co
 
 def identify_cam_senders(columns: Columns) -> Senders:
     """Return the senders of CAMs; roadside units are known by station type or high-frequency container."""
-    station_type, container = (read_numbers(columns, *_LEAF_PATHS[name]) for name in ("station_type", "container"))
+    station_type, container = (read_numbers(columns, *_ROS_LEAF_PATHS[name]) for name in ("station_type", "container"))
     return Senders(
         station=read_station_ids(columns, *STATION_ID_PATHS),
         is_own=np.zeros(len(columns), dtype=np.bool_),
@@ -85,7 +85,7 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     Returns:
         Decoded rows.
     """
-    raw = {name: read_numbers(columns, *leaves) for name, leaves in _LEAF_PATHS.items() if name != "station"}
+    raw = {name: read_numbers(columns, *leaves) for name, leaves in _ROS_LEAF_PATHS.items() if name != "station"}
     value = {name: decode_codes_to_values(element, raw[name], ledger) for name, element in ELEMENTS.items()}
     read_station_ids(columns, *STATION_ID_PATHS, ledger=ledger)
 

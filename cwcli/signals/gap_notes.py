@@ -10,7 +10,7 @@ from cwcli.signals.canonical import TimedSignal
 from cwcli.signals.clocks import find_stamp_gaps
 from cwcli.signals.units import NS_PER_S
 
-MAX_GAP_NOTES = 5
+MAX_LISTED_CHANNELS = 5
 """The largest number of channels that are listed; the rest are counted."""
 
 
@@ -35,6 +35,6 @@ def format_gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int)
             place = f"from {(longest.start_ns - start_ns) / NS_PER_S:.1f} s after the first message of any channel"
         count = f"{len(gaps)} gaps without messages; the longest is" if len(gaps) > 1 else "a gap without messages,"
         notes.append(f"{signal.source}: {count} {longest.duration_s:.1f} s {place}")
-    return notes[:MAX_GAP_NOTES] + (
-        [f"{len(notes) - MAX_GAP_NOTES} more channels have gaps"] if len(notes) > MAX_GAP_NOTES else []
+    return notes[:MAX_LISTED_CHANNELS] + (
+        [f"{len(notes) - MAX_LISTED_CHANNELS} more channels have gaps"] if len(notes) > MAX_LISTED_CHANNELS else []
     )

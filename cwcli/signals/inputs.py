@@ -118,7 +118,7 @@ def _imu_inputs() -> tuple[Input, ...]:
     )
 
 
-_OWN_BUILDER_NAMES_BY_ROLE = {
+_EGO_V2X_BUILDER_NAMES_BY_ROLE = {
     Role.EGO_POSITION: "build_ego_position",
     Role.EGO_SPEED: "build_ego_speed",
     Role.EGO_HEADING: "build_ego_heading",
@@ -136,7 +136,7 @@ def _v2x_inputs(codec: str, fields: Fields, *, says_who_is_ego: bool = False) ->
             rank=OWN_V2X_RANK,
             needs_ego_station=not says_who_is_ego,
         )
-        for role, name in _OWN_BUILDER_NAMES_BY_ROLE.items()
+        for role, name in _EGO_V2X_BUILDER_NAMES_BY_ROLE.items()
     )
     return (Input(Role.REMOTE, fields, builder_imported_at_first_call("builders.v2x.build_remote", codec)), *own)
 
@@ -256,27 +256,27 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     "etsi_its_cam_msgs/CAM": _v2x_inputs("etsi.CAM_AND_VAM_CODEC", LazyFields("etsi.CAM_LEAF_FIELDS")),
     "etsi_its_cam_ts_msgs/CAM": _v2x_inputs("etsi.CAM_AND_VAM_CODEC", LazyFields("etsi.CAM_TS_LEAF_FIELDS")),
     "etsi_its_vam_ts_msgs/VAM": _v2x_inputs("etsi.CAM_AND_VAM_CODEC", LazyFields("etsi.VAM_LEAF_FIELDS")),
-    "etsi_its_denm_msgs/DENM": _perceived_object_inputs("denm.ROS_DENM", LazyFields("denm.LEAF_FIELDS")),
+    "etsi_its_denm_msgs/DENM": _perceived_object_inputs("denm.ROS_DENM_CODEC", LazyFields("denm.ROS_LEAF_FIELDS")),
     "etsi_its_cpm_ts_msgs/CollectivePerceptionMessage": _perceived_object_inputs(
-        "cpm.ROS_CPM", LazyFields("cpm.LEAF_FIELDS")
+        "cpm.ROS_CPM_CODEC", LazyFields("cpm.ROS_LEAF_FIELDS")
     ),
     "j3224_v2x_msgs/SensorDataSharingMessage": _perceived_object_inputs(
-        "sdsm.ROS_SDSM", LazyFields("sdsm.LEAF_FIELDS")
+        "sdsm.ROS_SDSM_CODEC", LazyFields("sdsm.ROS_LEAF_FIELDS")
     ),
     "carma_v2x_msgs/SensorDataSharingMessage": _perceived_object_inputs(
-        "sdsm.CARMA_SDSM", LazyFields("sdsm.LEAF_FIELDS")
+        "sdsm.CARMA_SDSM_CODEC", LazyFields("sdsm.ROS_LEAF_FIELDS")
     ),
-    "j2735_v2x_msgs/BSM": _v2x_inputs("j2735.ROS_BSM", LazyFields("j2735.ROS_LEAF_FIELDS")),
-    "carma_v2x_msgs/BSM": _v2x_inputs("j2735.CARMA_BSM", LazyFields("j2735.CARMA_LEAF_FIELDS")),
+    "j2735_v2x_msgs/BSM": _v2x_inputs("j2735.ROS_BSM_CODEC", LazyFields("j2735.ROS_LEAF_FIELDS")),
+    "carma_v2x_msgs/BSM": _v2x_inputs("j2735.CARMA_BSM_CODEC", LazyFields("j2735.CARMA_LEAF_FIELDS")),
     **dict.fromkeys(
         ("carma_driver_msgs/ByteArray", "cwcli_radio/J2735"), _v2x_inputs("radio.codec.J2735_CODEC", _OCTET_FIELDS)
     ),
     **dict.fromkeys(("cwcli_radio/Btp", "udp_msgs/UdpPacket"), _v2x_inputs("radio.codec.BTP_CODEC", _OCTET_FIELDS)),
     "cwcli_radio/Its": _v2x_inputs("radio.codec.ITS_CODEC", _OCTET_FIELDS),
-    **dict.fromkeys(("BasicSafetyMessage", "MessageFrame"), _v2x_inputs("j2735.JSON_BSM", _JSON_BSM_FIELDS)),
+    **dict.fromkeys(("BasicSafetyMessage", "MessageFrame"), _v2x_inputs("j2735.JSON_BSM_CODEC", _JSON_BSM_FIELDS)),
     **dict.fromkeys(
         ("OdeBsmData", "OdeBsmJson", "OdeMessageFrameData"),
-        _v2x_inputs("j2735.JSON_BSM", _JSON_BSM_FIELDS, says_who_is_ego=True),
+        _v2x_inputs("j2735.JSON_BSM_CODEC", _JSON_BSM_FIELDS, says_who_is_ego=True),
     ),
     **DETECTION_INPUTS,
     "cwcli.v1.Target": inputs_of_message(
@@ -286,9 +286,9 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     "cwcli.v1.VehicleState": _vehicle_state_inputs(),
     "cwcli.v1.LateralState": (Input(Role.LATERAL_TRUTH, {}, None),),
     "osi3.GroundTruth": "cwcli.signals.osi.leaves:GROUND_TRUTH_INPUTS",
-    "osi3.SensorView": "cwcli.signals.osi.leaves:SENSOR_VIEW",
-    "osi3.SensorData": "cwcli.signals.osi.leaves:SENSOR_DATA",
-    "osi3.HostVehicleData": "cwcli.signals.osi.leaves:HOST_VEHICLE_DATA",
+    "osi3.SensorView": "cwcli.signals.osi.leaves:SENSOR_VIEW_INPUTS",
+    "osi3.SensorData": "cwcli.signals.osi.leaves:SENSOR_DATA_INPUTS",
+    "osi3.HostVehicleData": "cwcli.signals.osi.leaves:HOST_VEHICLE_DATA_INPUTS",
 }
 """The registry rows of this package, by schema name."""
 

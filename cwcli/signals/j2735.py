@@ -56,7 +56,7 @@ REVERSE_GEAR_AS_OBJECT_PATHS = ("coreData.transmission.reverseGears", "coreData.
 """The leaf fields of an enumeration written as an object (`{"reverseGears": ""}`), as in JSON made from XER."""
 ODE_SOURCE_PATH = "metadata.bsmSource"
 """The leaf field in which the ODE says who sent a BSM."""
-ODE_OWN_SOURCE = "ev"
+ODE_SOURCE_OF_EGO = "ev"
 """The text of that field for the recording vehicle, in lower case."""
 M_PER_ODE_SIZE_STEP = 0.01
 """One step of a vehicle size in the ODE's messages, in metres."""
@@ -230,7 +230,7 @@ def _make_bsm_rows(
 def _read_json_or_ros_senders(columns: Columns, *paths: str) -> Senders:
     return Senders(
         station=_read_stations(columns, *paths),
-        is_own=accepted_text_mask(read_texts(columns, ODE_SOURCE_PATH), len(columns), ODE_OWN_SOURCE),
+        is_own=accepted_text_mask(read_texts(columns, ODE_SOURCE_PATH), len(columns), ODE_SOURCE_OF_EGO),
         is_roadside=np.zeros(len(columns), dtype=np.bool_),
     )
 
@@ -261,9 +261,9 @@ def _reverse_gear_mask(columns: Columns, path: str, prefix: str) -> BoolArray:
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
 
 
-JSON_BSM = V2xCodec(identify_json_senders, decode_json_bsm, events=read_json_flag_events_and_unreadable)
+JSON_BSM_CODEC = V2xCodec(identify_json_senders, decode_json_bsm, events=read_json_flag_events_and_unreadable)
 """The codec of JSON channels of BSMs."""
-ROS_BSM = V2xCodec(identify_ros_senders, decode_ros_bsm, events=read_ros_flag_events_and_unreadable)
+ROS_BSM_CODEC = V2xCodec(identify_ros_senders, decode_ros_bsm, events=read_ros_flag_events_and_unreadable)
 """The codec of `j2735_v2x_msgs/BSM` channels."""
-CARMA_BSM = V2xCodec(identify_ros_senders, decode_carma_bsm, events=read_carma_flag_events_and_unreadable)
+CARMA_BSM_CODEC = V2xCodec(identify_ros_senders, decode_carma_bsm, events=read_carma_flag_events_and_unreadable)
 """The codec of `carma_v2x_msgs/BSM` channels."""

@@ -45,10 +45,10 @@ _NANOSECONDS_PATHS = (
 
 MAX_EXACT_INTEGER = 2.0**53
 """The number up to which a double holds every whole number."""
-LARGEST_NUMBER = 1e10
+LARGEST_BELIEVED_NUMBER = 1e10
 """The largest number, in the unit of its field, that is believed of a channel that cwcli published. Chosen by hand."""
-SQUARE_FIELDS = frozenset({"covariance", "position_covariance", "nis"})
-"""Fields that hold squares, which may be as large as the square of `LARGEST_NUMBER`."""
+SQUARED_QUANTITY_FIELDS = frozenset({"covariance", "position_covariance", "nis"})
+"""Fields that hold squares, which may be as large as the square of `LARGEST_BELIEVED_NUMBER`."""
 
 
 def find_field(columns: Columns, *paths: str) -> Field | None:
@@ -68,7 +68,7 @@ def read_numbers(
     Strings that spell numbers are read as such (JSON written from XER does that).
 
     Args:
-        required: It is a field that cwcli writes, always and within `LARGEST_NUMBER`.
+        required: It is a field that cwcli writes, always and within `LARGEST_BELIEVED_NUMBER`.
         takes_impossible_numbers: The caller leaves out what is beyond that, and counts it.
 
     Raises:
@@ -181,7 +181,7 @@ def require_possible_numbers(columns: Columns, name: str, values: NumericArray) 
     Raises:
         DataError: A number is beyond what cwcli writes: squares of it would overflow.
     """
-    largest = LARGEST_NUMBER**2 if name in SQUARE_FIELDS else LARGEST_NUMBER
+    largest = LARGEST_BELIEVED_NUMBER**2 if name in SQUARED_QUANTITY_FIELDS else LARGEST_BELIEVED_NUMBER
     if values.size and max(np.fmax.reduce(values, None), -np.fmin.reduce(values, None)) > largest:
         n_beyond = np.count_nonzero(np.abs(values) > largest)
         what = f"the field `{name}` has {n_beyond:,} numbers beyond {largest:g}, which cwcli does not write"
@@ -215,7 +215,7 @@ def read_matrix(columns: Columns, path: str, width: int | None = None, *, requir
         width: The length of a row; None: that of the first row.
 
     Raises:
-        DataError: It is required, and a row has it not, or a number is beyond `LARGEST_NUMBER`.
+        DataError: It is required, and a row has it not, or a number is beyond `LARGEST_BELIEVED_NUMBER`.
     """
     field = find_field(columns, path)
     n = len(columns)

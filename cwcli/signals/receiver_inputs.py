@@ -48,9 +48,9 @@ _SBG_EKF_NAV_FIELDS = ros_leaf_fields(
 """The leaf fields of an `SbgEkfNav`, by encoding."""
 
 
-_POSITION_AND_VELOCITY = (Role.EGO_POSITION, Role.EGO_VELOCITY)
+_POSITION_VELOCITY_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY)
 """The roles that a message with position and velocity can fill."""
-_WHOLE_MOTION = (*_POSITION_AND_VELOCITY, Role.EGO_HEADING)
+_WHOLE_MOTION_ROLES = (*_POSITION_VELOCITY_ROLES, Role.EGO_HEADING)
 """The roles that a message with position, velocity and heading can fill."""
 
 RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
@@ -63,14 +63,14 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
             ),
             RECEIVER_SUMMARY_RANK,
             "gps_fix.read_gps_fix",
-            *_POSITION_AND_VELOCITY,
+            *_POSITION_VELOCITY_ROLES,
         ),
     ),
     "nmea_msgs/Sentence": inputs_of_receiver_message(
-        ros_leaf_fields("sentence"), NMEA_SENTENCE_RANK, "nmea.read_sentences", *_WHOLE_MOTION
+        ros_leaf_fields("sentence"), NMEA_SENTENCE_RANK, "nmea.read_sentences", *_WHOLE_MOTION_ROLES
     ),
     "ublox_msgs/NavPVT": (
-        *inputs_of_receiver_message(_NAV_PVT_FIELDS, RECEIVER_RANK, "ublox.read_nav_pvt", *_POSITION_AND_VELOCITY),
+        *inputs_of_receiver_message(_NAV_PVT_FIELDS, RECEIVER_RANK, "ublox.read_nav_pvt", *_POSITION_VELOCITY_ROLES),
         # only of receivers with an IMU or two antennas
         *inputs_of_receiver_message(_NAV_PVT_FIELDS, None, "ublox.read_nav_pvt", Role.EGO_HEADING),
     ),
@@ -113,7 +113,7 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
         ),
         FUSED_INS_RANK,
         "novatel.read_inspvax",
-        *_WHOLE_MOTION,
+        *_WHOLE_MOTION_ROLES,
     ),
     "novatel_gps_msgs/Inspvax": inputs_of_receiver_message(
         ros_leaf_fields(
@@ -121,25 +121,25 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
         ),
         FUSED_INS_RANK,
         "novatel.read_inspvax",
-        *_WHOLE_MOTION,
+        *_WHOLE_MOTION_ROLES,
     ),
     "novatel_oem7_msgs/INSPVA": inputs_of_receiver_message(
-        ros_leaf_fields(*_OEM7_TIME_PATHS, *_INSPVA_PATHS), FUSED_INS_RANK, "novatel.read_inspva", *_WHOLE_MOTION
+        ros_leaf_fields(*_OEM7_TIME_PATHS, *_INSPVA_PATHS), FUSED_INS_RANK, "novatel.read_inspva", *_WHOLE_MOTION_ROLES
     ),
     "novatel_gps_msgs/Inspva": inputs_of_receiver_message(
-        ros_leaf_fields(*_OEM6_TIME_PATHS, *_INSPVA_PATHS), FUSED_INS_RANK, "novatel.read_inspva", *_WHOLE_MOTION
+        ros_leaf_fields(*_OEM6_TIME_PATHS, *_INSPVA_PATHS), FUSED_INS_RANK, "novatel.read_inspva", *_WHOLE_MOTION_ROLES
     ),
     "septentrio_gnss_driver/PVTGeodetic": inputs_of_receiver_message(
         ros_leaf_fields(*_SEPTENTRIO_PATHS, "mode", "h_accuracy"),
         RECEIVER_RANK,
         "septentrio.read_pvt_geodetic",
-        *_POSITION_AND_VELOCITY,
+        *_POSITION_VELOCITY_ROLES,
     ),
     "septentrio_gnss_driver/INSNavGeod": inputs_of_receiver_message(
         ros_leaf_fields(*_SEPTENTRIO_PATHS, *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn"))),
         FUSED_INS_RANK,
         "septentrio.read_ins_nav_geod",
-        *_POSITION_AND_VELOCITY,
+        *_POSITION_VELOCITY_ROLES,
     ),
     # the driver sends a sensor_msgs/Imu of the same
     "sbg_driver/SbgImuData": inputs_of_message(

@@ -16,7 +16,7 @@ from cwcli.signals.units import NS_PER_S
 Method = Literal["linear", "previous", "nearest"]
 MAX_INTERPOLATED_STATE_GAP_S = 0.5
 """Longest gap between two states of a vehicle, in seconds, over which it is interpolated. Chosen by hand."""
-MAX_NEIGHBOUR_DISTANCE_S = 0.5
+MAX_TIME_TO_INTERPOLATED_NEIGHBOUR_S = 0.5
 """The largest distance in time to either neighbour, in seconds, across which a value is interpolated. Chosen by hand;
 not fitted."""
 
@@ -129,7 +129,7 @@ class Series:
         if i == 0 or i == len(self.stamp_ns):
             return float("nan")
         before, after = int(self.stamp_ns[i - 1]), int(self.stamp_ns[i])
-        if max(stamp_ns - before, after - stamp_ns) > MAX_NEIGHBOUR_DISTANCE_S * NS_PER_S:
+        if max(stamp_ns - before, after - stamp_ns) > MAX_TIME_TO_INTERPOLATED_NEIGHBOUR_S * NS_PER_S:
             return float("nan")
         part = (stamp_ns - before) / (after - before)
         return float((1.0 - part) * self.values[i - 1] + part * self.values[i])

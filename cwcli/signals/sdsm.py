@@ -60,7 +60,7 @@ def presence_quantities_paths_and_bits(*, is_carma: bool) -> list[tuple[str, str
     return [bit for column in columns for bit in parse_presence_bits(_TABLE.columns[column])]
 
 
-LEAF_FIELDS = (
+ROS_LEAF_FIELDS = (
     *ROS_PATHS.values(),
     *dict.fromkeys(path for _, path, _ in presence_quantities_paths_and_bits(is_carma=True)),
     *_TABLE.columns["carma_unavailable"].values(),
@@ -148,7 +148,7 @@ CODED_OBJECT_CODEC = perceived.make_object_codec(partial(_decode_objects, decode
 """The codec of an SDSM's objects in codes, one a row."""
 CARMA_OBJECT_CODEC = perceived.make_object_codec(partial(_decode_objects, nan_unless_a_code_could_express))
 """The codec of an SDSM's objects in units, one a row."""
-ROS_SDSM = perceived.make_objects_only_codec("SDSM", partial(read_sdsm_objects, is_carma=False))
+ROS_SDSM_CODEC = perceived.make_objects_only_codec("SDSM", partial(read_sdsm_objects, is_carma=False))
 """The codec of `j3224_v2x_msgs` channels of SDSMs."""
-CARMA_SDSM = perceived.make_objects_only_codec("SDSM", partial(read_sdsm_objects, is_carma=True))
+CARMA_SDSM_CODEC = perceived.make_objects_only_codec("SDSM", partial(read_sdsm_objects, is_carma=True))
 """The codec of `carma_v2x_msgs` channels of SDSMs."""

@@ -14,7 +14,7 @@ from cwcli.signals.columns import BoolArray, Columns, FloatArray, Int64Array, St
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.road_events import RoadEvents, empty_road_events
 
-OWN_STATION_NOTE = "the car is V2X station"
+EGO_STATION_NOTE_BEGINNING = "the car is V2X station"
 """Begins the note on which station is the ego, and why."""
 OTHER_STATION_REASON = "sent by another station"
 """The reason for setting aside a message that another station than the ego sent."""

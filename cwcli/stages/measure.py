@@ -39,7 +39,7 @@ EXAMPLES = (
     "cwcli measure tracked.mcap --measures ttc,pet,drac --json",
 )
 """Command lines that the help of `cwcli measure` shows."""
-SHOWN_MEASURES = {
+HEADING_BY_SHOWN_MEASURE = {
     "gap": "gap [m]",
     "ttc": "TTC [s]",
     "pet": "PET [s]",
@@ -225,8 +225,8 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
     """Return the table of encounters, those with the least time to collision first, then the nearest."""
     found = [row for pair in pairs for row in _encounter_rows(pair, start_ns)]
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
-    columns = ("vehicle", "start [s]", "end [s]", "outlines touched", *SHOWN_MEASURES.values())
-    names = ("vehicle", "from [s]", "to [s]", "crash", *SHOWN_MEASURES.values())
+    columns = ("vehicle", "start [s]", "end [s]", "outlines touched", *HEADING_BY_SHOWN_MEASURE.values())
+    names = ("vehicle", "from [s]", "to [s]", "crash", *HEADING_BY_SHOWN_MEASURE.values())
     title = (
         "Most critical encounters (within 50 m; times from the log's start), with the worst value of each measure: "
         "gap of the outlines (negative: overlap), TTC time to collision, PET post-encroachment time, DRAC deceleration "
@@ -248,7 +248,7 @@ def _encounter_rows(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float
     for extremes in by_number.values():
         first = next(iter(extremes.values()))
         span = ((each - start_ns) / NS_PER_S for each in (first.begin_ns, first.end_ns))
-        values = {name: extremes[name].value if name in extremes else math.nan for name in SHOWN_MEASURES}
+        values = {name: extremes[name].value if name in extremes else math.nan for name in HEADING_BY_SHOWN_MEASURE}
         has_crash = None if math.isnan(values["gap"]) else values["gap"] <= 0.0
         order = tuple(math.inf if math.isnan(values[name]) else values[name] for name in ("ttc", "gap"))
         rows.append(((*order, float(first.begin_ns)), (pair.other_id, *span, has_crash, *values.values())))

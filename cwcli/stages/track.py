@@ -40,7 +40,7 @@ from cwcli.tracking.from_signals import (
 from cwcli.tracking.sensor_setting import SensorSetting, parse_sensor_settings
 from cwcli.tracking.single_target import NisConsistency
 from cwcli.tracking.tables import (
-    VALUE_NAMES_AND_UNITS,
+    DETECTION_VALUE_NAMES_AND_UNITS,
     median_position_sigma_m,
     process_noise_density,
     process_noise_unit,
@@ -55,7 +55,7 @@ EXAMPLES = (
     "cwcli track drive.mcap --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30",
 )
 """Command lines that the help of `cwcli track` shows."""
-UNASSIGNED_REASONS = ("outside the gate", "belongs to no confirmed track")
+UNASSIGNED_DETECTION_REASONS = ("outside the gate", "belongs to no confirmed track")
 """Reasons that lie in the scene and not in the data: they are no faults."""
 MAX_TARGETS_IN_TABLE = 20
 """Greatest number of targets that the table of the summary shows; chosen by hand."""
@@ -245,7 +245,7 @@ def _count_detections_by_sensor(counts: Mapping[str, DetectionCounts]) -> tuple[
     """Count the detections of each sensor; one that fits no track counts as used, because it was considered."""
     found = []
     for source, count in counts.items():
-        faults = {reason: n for reason, n in count.rejected.items() if reason not in UNASSIGNED_REASONS}
+        faults = {reason: n for reason, n in count.rejected.items() if reason not in UNASSIGNED_DETECTION_REASONS}
         used = count.read - sum(faults.values())
         found.append(InputMessageCount(source, "each detection", count.read, used, faults, dict(count.repaired)))
     return tuple(found)
@@ -264,7 +264,7 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = []
     for source, count in result.counts.items():
         check = result.consistency.get(source)
-        free = sum(count.rejected.get(reason, 0) for reason in UNASSIGNED_REASONS)
+        free = sum(count.rejected.get(reason, 0) for reason in UNASSIGNED_DETECTION_REASONS)
         faulty = count.read - count.used - free
         rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
     columns = (
@@ -300,7 +300,7 @@ def _tuned_noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) 
     rows: list[tuple[Cell, ...]] = [
         (source, CellWithValues(name, {"": name, "unit": None}), factor)
         for source, factors in result.tuned.scale.items()
-        for (name, _), factor in zip(VALUE_NAMES_AND_UNITS[kinds[source]], factors, strict=False)
+        for (name, _), factor in zip(DETECTION_VALUE_NAMES_AND_UNITS[kinds[source]], factors, strict=False)
     ]
     tuned = result.tuned.config
     rows.append(

@@ -15,7 +15,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.paths import replanned_or_logged_paths_and_notes
-from cwcli.pipeline.records import WITHHELD_KEY, read_run_records
+from cwcli.pipeline.records import WITHHELD_WARNINGS_RECORD_KEY, read_run_records
 from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryTable
 from cwcli.pipeline.states import (
     StatesSelection,
@@ -176,7 +176,7 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
         )
         for each in found
     )
-    withheld = {WITHHELD_KEY: json.dumps({each.config.rule: each.n_withheld for each in found})}
+    withheld = {WITHHELD_WARNINGS_RECORD_KEY: json.dumps({each.config.rule: each.n_withheld for each in found})}
     notes.extend(note_if_paths_start_from_other_states(config, read_run_records(log).get("predict", {})))
     result, earlier = build_warnings_result(stage, log, config, outcomes, tuple(inputs), tuple(notes), **withheld)
     return replace(result, evaluation_inputs=WarningEvidence(found, outcomes, earlier))

@@ -13,7 +13,7 @@ from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.detections import DetectionCounts, DetectionKind
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 
-VALUE_NAMES_AND_UNITS: dict[DetectionKind, tuple[tuple[str, str], ...]] = {
+DETECTION_VALUE_NAMES_AND_UNITS: dict[DetectionKind, tuple[tuple[str, str], ...]] = {
     DetectionKind.POSITION: (("position", "m"),),
     DetectionKind.RADAR: (("range", "m"), ("azimuth", "rad"), ("range rate", "m/s")),
 }
@@ -61,7 +61,7 @@ def _sensor_metric_rows(
         ):
             rows.append(("", source, quantity, metric, value, ""))
     if result.tuned is not None:
-        names = [name for name, _ in VALUE_NAMES_AND_UNITS[kind]]
+        names = [name for name, _ in DETECTION_VALUE_NAMES_AND_UNITS[kind]]
         rows.extend(
             ("", source, name, "noise_factor", factor, "")
             for name, factor in zip(names, result.tuned.scale.get(source, ()), strict=False)

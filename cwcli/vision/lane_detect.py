@@ -34,7 +34,7 @@ from cwcli.vision.lane_model import (
     LanePriorTable,
 )
 from cwcli.vision.method import GreyImage
-from cwcli.vision.vanishing import N_OTHER_POINTS, VanishingPoint, find_vanishing_points
+from cwcli.vision.vanishing import N_OTHER_VANISHING_POINTS, VanishingPoint, find_vanishing_points
 
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
@@ -374,7 +374,7 @@ def search_first_frame_at_vanishing_points(
     prior: LanePrior,
     evidence_source: EvidenceSource = measure_stripe_evidence,
     *,
-    n_other_points: int = N_OTHER_POINTS,
+    n_other_points: int = N_OTHER_VANISHING_POINTS,
 ) -> tuple[ImageLanes, FloatArray, StripeEvidence, float]:
     """Search a first frame whose mounting is not known, from the point where its straight edges meet.
 

@@ -56,7 +56,7 @@ CLEAR_VOTE_SHARE = 0.33
 """Share of the votes for a frame's vanishing point below which the point and any lane found from it are in doubt. A
 road has 0.35 to 0.6, stripes of shadow 0.1 to 0.3, a picture upside down 0.04 to 0.12. Chosen on 20 of 40 labelled
 frames in 15 kinds of weather and damage (tests/studies/lane_variants.py)."""
-N_OTHER_POINTS = 3
+N_OTHER_VANISHING_POINTS = 3
 """Number of other points that are returned in that case. Chosen on the same frames in 7 kinds of weather and on
 rendered ones."""
 N_DIRECTION_SECTORS = 5
@@ -81,7 +81,7 @@ class VanishingPoint:
 
 
 def find_vanishing_points(
-    grey: GreyImage, middle_px: float, *, n_other_points: int = N_OTHER_POINTS
+    grey: GreyImage, middle_px: float, *, n_other_points: int = N_OTHER_VANISHING_POINTS
 ) -> list[VanishingPoint]:
     """Find the point with the most votes of the frame's segments; none without segments.
 

@@ -39,10 +39,10 @@ MIN_SHOWN_BLOCKS = 25
 Chosen by hand; not fitted."""
 PARAMETER_DECIMALS = (4, 2, 0)
 """Number of decimals of a, b and c (zhang2011)."""
-FIRST_LEFT_REGION = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
+FIRST_LEFT_RANGES = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
 """Search ranges of a (1/pixel), b and c (pixels) of the left boundary u = a v^2 + b v + c in the first phase, in images
 of 320 x 240 pixels (zhang2011)."""
-FIRST_RIGHT_REGION = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
+FIRST_RIGHT_RANGES = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
 """Search ranges of a (1/pixel), b and c (pixels) of the right boundary u = a v^2 + b v + c in the first phase, in
 images of 320 x 240 pixels (zhang2011)."""
 
@@ -144,7 +144,7 @@ def search_boundary(
         seed, stream: Seed and stream of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
     """
     if phase.region_half_widths is None:
-        region = np.array(FIRST_LEFT_REGION if is_left else FIRST_RIGHT_REGION)
+        region = np.array(FIRST_LEFT_RANGES if is_left else FIRST_RIGHT_RANGES)
         low, high = np.ascontiguousarray(region[:, 0]), np.ascontiguousarray(region[:, 1])
     else:
         centre, reach = np.array([previous.a, previous.b, previous.c]), np.array(phase.region_half_widths)

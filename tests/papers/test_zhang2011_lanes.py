@@ -11,9 +11,9 @@ from cwcli.vision.methods import METHODS
 from cwcli.vision.objective import BLOCK_WEIGHTS_TENTHS
 from cwcli.vision.zhang2011 import (
     CROSSOVER_PROBABILITY,
-    FIRST_LEFT_REGION,
+    FIRST_LEFT_RANGES,
     FIRST_PHASE,
-    FIRST_RIGHT_REGION,
+    FIRST_RIGHT_RANGES,
     LATER_PHASE,
     MUTATION_PROBABILITY,
     SECOND_PHASE,
@@ -29,7 +29,7 @@ DECIMALS = (4, 2, 0)
 
 
 def test_decoding_of_the_worked_example() -> None:
-    low, high = np.array([r[0] for r in FIRST_LEFT_REGION]), np.array([r[1] for r in FIRST_LEFT_REGION])
+    low, high = np.array([r[0] for r in FIRST_LEFT_RANGES]), np.array([r[1] for r in FIRST_LEFT_RANGES])
     assert decode_chromosome_to_a_b_c("01010100011100001011101", low, high, (7, 8, 8)) == (-0.0017, 0.74, -9.0)
 
 
@@ -44,7 +44,7 @@ def test_mutation_of_the_worked_example() -> None:
 
 
 def test_lengths_of_table_3_follow_from_eq_4() -> None:
-    for region in (FIRST_LEFT_REGION, FIRST_RIGHT_REGION):
+    for region in (FIRST_LEFT_RANGES, FIRST_RIGHT_RANGES):
         assert (
             tuple(count_parameter_bits(*bounds, m) for bounds, m in zip(region, DECIMALS, strict=True))
             == FIRST_PHASE.bits

@@ -12,7 +12,7 @@ from pycrate_asn1dir import ITS_DENM_3
 from cwcli.logs.read.reader import Log
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.denm import DENM_PATHS, LEAF_FIELDS
+from cwcli.signals.denm import DENM_PATHS, ROS_LEAF_FIELDS
 from cwcli.signals.etsi import CAM_AND_VAM_CODEC
 from cwcli.signals.quality import Quality
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, empty_road_events, hard_braking_known_mask_or_none
@@ -54,7 +54,7 @@ def notified(path: Path, messages: list[dict[str, Any]]) -> tuple[RoadEvents, Qu
     schema = "etsi_its_denm_msgs/DENM"
     write_log(path / "log.mcap", schema, "cdr", "/denm", messages)
     with Log.open(path / "log.mcap") as log:
-        signal, quality = build_signal(Role.REMOTE, log.columns("/denm", fields=LEAF_FIELDS))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/denm", fields=ROS_LEAF_FIELDS))
     assert isinstance(signal, RemoteSignal)
     assert signal.events is not None
     assert quality.read == sum(quality.set_aside.values()) == len(messages)

@@ -30,7 +30,7 @@ import numpy as np
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.prediction import fleet
 from cwcli.prediction.fleet import (
-    DERIVATIVE_PARTS,
+    DERIVATIVE_PART_NAMES,
     HORIZON_KNOTS_S,
     FLEET_QUANTILE_LEVELS,
     FleetPrior,
@@ -234,7 +234,7 @@ def written(prior: FleetPrior, source: str) -> str:
         out += [
             "",
             f"[{name}]",
-            *(f"{part} = {gain[:, i].round(2).tolist()}" for i, part in enumerate(DERIVATIVE_PARTS)),
+            *(f"{part} = {gain[:, i].round(2).tolist()}" for i, part in enumerate(DERIVATIVE_PART_NAMES)),
         ]
         out.append(f"error_m = {error_m.round(3).tolist()}")
     out += ["", "[ellipse]", f"quantiles = {FLEET_QUANTILE_LEVELS.tolist()}", "squared = ["]

@@ -22,7 +22,7 @@ from cwcli.vision.objective import (
     ResponseArray,
     compute_block_responses,
 )
-from cwcli.vision.zhang2011 import PARAMETER_DECIMALS, FIRST_LEFT_REGION, FIRST_RIGHT_REGION, MIN_SHOWN_BLOCKS
+from cwcli.vision.zhang2011 import PARAMETER_DECIMALS, FIRST_LEFT_RANGES, FIRST_RIGHT_RANGES, MIN_SHOWN_BLOCKS
 from tests.unit.vision.parabola_objectives import parabola_objectives
 
 EVERY = 2
@@ -32,7 +32,7 @@ def grid(is_left: bool) -> FloatArray:
     """Shape (n, 3): a, b, c."""
     axes = [
         np.arange(round(low * 10**m), round(high * 10**m) + 1, EVERY) / 10**m
-        for (low, high), m in zip(FIRST_LEFT_REGION if is_left else FIRST_RIGHT_REGION, PARAMETER_DECIMALS, strict=True)
+        for (low, high), m in zip(FIRST_LEFT_RANGES if is_left else FIRST_RIGHT_RANGES, PARAMETER_DECIMALS, strict=True)
     ]
     return np.ascontiguousarray(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
 

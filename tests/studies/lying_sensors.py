@@ -31,7 +31,7 @@ import numpy as np
 
 from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
-from cwcli.estimation.measurements import RATE_KINDS
+from cwcli.estimation.measurements import IMU_RATE_KINDS
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, earliest_stamp_ns
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.source_judgement import JudgedSources, judge_sources
@@ -217,7 +217,7 @@ def is_named(fault: Fault, track: Track) -> bool:
 
 def is_unchecked(fault: Fault, track: Track) -> bool:
     """Whether the verdict says that no other source confirms the wrong one."""
-    kinds = RATE_KINDS if fault.kind is Kind.IMU else (fault.kind,)
+    kinds = IMU_RATE_KINDS if fault.kind is Kind.IMU else (fault.kind,)
     return any(r.kind in kinds and r.n_used and not r.is_checked for r in track.sources)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.passes import SensorSeries
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import ValueRows
@@ -21,7 +21,7 @@ class Hypothesis:
         group: Faults of one group exclude each other, such as two units; those of different groups may come together.
         fault: End of the sentence "SOURCE ...", such as "is in km/h, not m/s".
         action: What is done about it, such as "converted".
-        matrix: d rows of d numbers, with d of `QUANTITIES`.
+        matrix: d rows of d numbers, with d of `QUANTITY_BY_KIND`.
         offset: d numbers.
     """
 
@@ -51,7 +51,7 @@ class Hypothesis:
 
     def correct_series(self, s: SensorSeries) -> SensorSeries:
         """Return a series with corrected values; its noise is left as it is."""
-        width = QUANTITIES[s.kind].width
+        width = QUANTITY_BY_KIND[s.kind].width
         values = np.zeros_like(s.values)
         values[:, :width] = self.correct_values(s.values[:, :width])
         return replace(s, values=values)

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
-from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
+from cwcli.pipeline.assumed_camera import ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING
 
 MIN_ASSUMPTIONS_FOR_DOUBT = 1
 """Number of assumed properties from which the lanes are doubted. Chosen by hand: each changes every distance."""
-NOTE_START_BY_ASSUMED_PROPERTY = {"lens": ASSUMED_LENS_TEXT, "mounting": ASSUMED_MOUNTING_TEXT}
+NOTE_START_BY_ASSUMED_PROPERTY = {"lens": ASSUMED_LENS_NOTE_BEGINNING, "mounting": ASSUMED_MOUNTING_NOTE_BEGINNING}
 """Property of a camera that may be assumed -> the beginning of the note of `lanes` that says so."""
 
 

@@ -19,7 +19,7 @@ from cwcli.importing.tables import Answers, Preset, SourceTable
 from cwcli.importing.text_file import iter_text_lines
 from cwcli.importing.times import parse_start_ns
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.builders.nmea import SENTENCE_PARSERS, split_sentence
+from cwcli.signals.builders.nmea import MIN_FIELDS_AND_PARSER_BY_SENTENCE, split_sentence
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_DAY, NS_PER_S
 
@@ -137,9 +137,9 @@ def _collect_sentence_of_line(collected: CollectedSentences, line: str) -> None:
         if kind in SENTENCES_WITH_TIME
         else bool(len(collected.ns_of_day))
     )
-    if kind not in SENTENCE_PARSERS:
+    if kind not in MIN_FIELDS_AND_PARSER_BY_SENTENCE:
         return
-    values = SENTENCE_PARSERS[kind][1](fields)
+    values = MIN_FIELDS_AND_PARSER_BY_SENTENCE[kind][1](fields)
     if not values.is_fix or not has_time:
         collected.counts[f"{kind} without a {'time' if values.is_fix else 'fix'}"] += 1
         return

@@ -6,7 +6,7 @@ from cwcli.prediction.models import onset
 from cwcli.prediction.models.base import Model, check_responses, check_trust_in_derivatives
 from cwcli.registry import Registry, accept_dataclass_of
 
-HYPOTHESES: dict[str, Model] = {
+HYPOTHETICAL_MODELS: dict[str, Model] = {
     "onset": onset.MODEL,
 }
 """Models of what may happen rather than of what is likeliest; they are not compared with the actual positions."""
@@ -23,7 +23,7 @@ MODELS: Registry[Model] = Registry(
         "cj-cya": "cwcli.prediction.models.cj_cya:MODEL",
     },
     accept_dataclass_of(Model, {"responses": check_responses, "trust": check_trust_in_derivatives}),
-    reserved_names=(*HYPOTHESES, "lateral", "lateral-zhang2011"),
+    reserved_names=(*HYPOTHETICAL_MODELS, "lateral", "lateral-zhang2011"),
 )
 DEFAULT_MODEL = "auto"
 """Name of the model that is used where the user names none."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from cwcli.prediction.driver import DerivativeTrust, DriverPrior
 from cwcli.prediction.fleet import (
-    DERIVATIVE_PARTS,
+    DERIVATIVE_PART_NAMES,
     acting_time_from_displacement_share_s,
     interpolate_acting_time_s,
     load_fleet_prior,
@@ -30,7 +30,7 @@ from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 def responses_of_fleet_prior(time_s: FloatArray, prior: DriverPrior) -> Responses:
     """The responses A, J, W, D of a vehicle without a history, each of the shape of `time_s`."""
     along, across = acting_time_from_displacement_share_s(
-        load_fleet_prior().gain[:, :, DERIVATIVE_PARTS.index("lasting")]
+        load_fleet_prior().gain[:, :, DERIVATIVE_PART_NAMES.index("lasting")]
     )
     none = np.zeros_like(time_s)
     return Responses(interpolate_acting_time_s(along, time_s), none, interpolate_acting_time_s(across, time_s), none)

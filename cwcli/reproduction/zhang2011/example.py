@@ -105,7 +105,7 @@ def printed_tables_part() -> StudyPart:
         "I_zz": car.yaw_inertia_kgm2,
     }
     measured += [MeasuredNumber("table 5", name, float(value)) for name, value in values.items()]
-    region = np.array(lanes.FIRST_LEFT_REGION)
+    region = np.array(lanes.FIRST_LEFT_RANGES)
     decoded = lanes.decode_chromosome_to_a_b_c(
         "01010100011100001011101", region[:, 0].copy(), region[:, 1].copy(), lanes.FIRST_PHASE.bits
     )

@@ -30,9 +30,9 @@ from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.objective import PAPER_HEIGHT_PX, PAPER_WIDTH_PX, BlockResponses, compute_block_responses
 from cwcli.vision.zhang2011 import (
     CROSSOVER_PROBABILITY,
-    FIRST_LEFT_REGION,
+    FIRST_LEFT_RANGES,
     FIRST_PHASE,
-    FIRST_RIGHT_REGION,
+    FIRST_RIGHT_RANGES,
     METHOD,
     MUTATION_PROBABILITY,
     genetic_settings,
@@ -174,7 +174,7 @@ def _search_both_boundaries(
     genetic["generations"] = generations
     found, total = [], 0.0
     for side, (responses, region) in enumerate(
-        ((frame.responses.left, FIRST_LEFT_REGION), (frame.responses.right, FIRST_RIGHT_REGION))
+        ((frame.responses.left, FIRST_LEFT_RANGES), (frame.responses.right, FIRST_RIGHT_RANGES))
     ):
         bounds: npt.NDArray[np.float64] = np.array(region)
         low, high = np.ascontiguousarray(bounds[:, 0]), np.ascontiguousarray(bounds[:, 1])

@@ -12,10 +12,10 @@ from cwcli.signals.quality import Quality, RowLedger
 
 MAX_IMAGE_SIDE_PX = 100_000
 """The largest width or height of an image that is plausible, in pixels; chosen by hand."""
-FOCAL_LENGTH_TO_SIDE_RANGE = (0.02, 200.0)
+FOCAL_LENGTH_TO_IMAGE_SIDE_RANGE = (0.02, 200.0)
 """The smallest and largest ratio (1) of a focal length in pixels to the larger image side, from fisheye to telescope;
 chosen by hand."""
-MAX_CENTRE_TO_SIDE_RATIO = 10.0
+MAX_PRINCIPAL_POINT_TO_IMAGE_SIDE = 10.0
 """The largest ratio (1) of the principal point's coordinates to the larger image side; chosen by hand."""
 MAX_FOCAL_LENGTH_RATIO = 3.0
 """The largest ratio (1) between both focal lengths; chosen by hand."""
@@ -24,8 +24,8 @@ MAX_FOCAL_LENGTH_RATIO = 3.0
 def build_camera_info(columns: Columns, reading: Reading) -> tuple[CameraInfoSignal, Quality]:
     """Build the calibration from the first message with an image size and a focal length; later ones must agree.
 
-    A focal length, principal point, size or distortion beyond what any lens has (`FOCAL_LENGTH_TO_SIDE_RANGE` and so
-    on) is rejected.
+    A focal length, principal point, size or distortion beyond what any lens has (`FOCAL_LENGTH_TO_IMAGE_SIDE_RANGE` and
+    so on) is rejected.
     ROS names its matrices `d`, `k`, `r`, `p` (ROS 1 and some JSON in capitals), foxglove `D`, `K`, `R`, `P`. An R or P
     of all zeros or of no length, or a P that no lens has, is not given: R becomes the identity, P is K with a fourth
     column of zeros.
@@ -78,11 +78,11 @@ def _has_plausible_intrinsics(matrix: FloatArray, size: FloatArray) -> bool:
     table, longer = matrix.reshape(3, -1), float(size.max())
     focal, centre = np.array([table[0, 0], table[1, 1]]), table[:2, 2]
     has_focal = bool(
-        (focal >= FOCAL_LENGTH_TO_SIDE_RANGE[0] * longer).all()
-        and (focal <= FOCAL_LENGTH_TO_SIDE_RANGE[1] * longer).all()
+        (focal >= FOCAL_LENGTH_TO_IMAGE_SIDE_RANGE[0] * longer).all()
+        and (focal <= FOCAL_LENGTH_TO_IMAGE_SIDE_RANGE[1] * longer).all()
     )
     return (
         has_focal
         and bool(focal.max() <= MAX_FOCAL_LENGTH_RATIO * focal.min())
-        and bool((np.abs(centre) <= MAX_CENTRE_TO_SIDE_RATIO * longer).all())
+        and bool((np.abs(centre) <= MAX_PRINCIPAL_POINT_TO_IMAGE_SIDE * longer).all())
     )

@@ -26,7 +26,7 @@ from cwcli.signals.quality import RowLedger
 from cwcli.signals.role import Role
 from cwcli.signals.units import MPS_PER_KMH
 
-STANDARD_ADDRESS = re.compile(r"[A-OQ-Z0-9][A-Z0-9]{4}")
+STANDARD_SENTENCE_ADDRESS_PATTERN = re.compile(r"[A-OQ-Z0-9][A-Z0-9]{4}")
 """A talker of two characters and a sentence type of three (NMEA 0183); `P` begins a maker's own sentences."""
 MPS_PER_KNOT = 1852.0 / 3600.0
 """One knot in m/s (1852 m per hour)."""
@@ -80,11 +80,11 @@ def split_sentence(text: str) -> tuple[str, list[str]]:
     if stated_checksum != reduce(xor, content.encode(), 0):
         return BAD_CHECKSUM_REASON, []
     address, *fields = content.split(",")
-    is_standard = STANDARD_ADDRESS.fullmatch(address) is not None
+    is_standard = STANDARD_SENTENCE_ADDRESS_PATTERN.fullmatch(address) is not None
     kind = address[2:] if is_standard else OTHER_SENTENCE_REASON
     return (
         (SENTENCE_TOO_SHORT_REASON, [])
-        if kind in SENTENCE_PARSERS and len(fields) < SENTENCE_PARSERS[kind][0]
+        if kind in MIN_FIELDS_AND_PARSER_BY_SENTENCE and len(fields) < MIN_FIELDS_AND_PARSER_BY_SENTENCE[kind][0]
         else (kind, fields)
     )
 
@@ -122,7 +122,7 @@ def parse_hdt(fields: Sequence[str]) -> SentenceValues:
     return SentenceValues(course_deg=parse_number_or_nan(heading) if of_north == "T" else NAN)
 
 
-SENTENCE_PARSERS: dict[str, tuple[int, Callable[[Sequence[str]], SentenceValues]]] = {
+MIN_FIELDS_AND_PARSER_BY_SENTENCE: dict[str, tuple[int, Callable[[Sequence[str]], SentenceValues]]] = {
     "GGA": (11, parse_gga),
     "RMC": (8, parse_rmc),
     "VTG": (8, parse_vtg),
@@ -160,7 +160,8 @@ def read_sentences(columns: Columns, ledger: RowLedger) -> GnssFix:
         ledger.reject((names == reason)[codes], reason)
     ledger.set_aside((names != sentence_kind)[codes], OTHER_SENTENCE_REASON)
     said = [
-        SENTENCE_PARSERS[kind][1](fields) if kind == sentence_kind else SentenceValues(False) for kind, fields in split
+        MIN_FIELDS_AND_PARSER_BY_SENTENCE[kind][1](fields) if kind == sentence_kind else SentenceValues(False)
+        for kind, fields in split
     ]
 
     def float_column(name: str) -> FloatArray:

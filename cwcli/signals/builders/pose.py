@@ -42,7 +42,7 @@ from cwcli.signals.quality import Quality, RowLedger
 
 ODOMETRY_POSITION_PATH, ODOMETRY_ORIENTATION_PATH = "pose.pose.position", "pose.pose.orientation"
 """The paths of position and orientation in an `Odometry`."""
-SOURCE_PATHS_BY_ODOMETRY_FIELD = {
+KINEMATIC_STATE_PATHS_BY_ODOMETRY_FIELD = {
     f"{ODOMETRY_POSITION_PATH}.x": ("state.x", "state.pose.position.x"),
     f"{ODOMETRY_POSITION_PATH}.y": ("state.y", "state.pose.position.y"),
     f"{ODOMETRY_ORIENTATION_PATH}.x": ("state.pose.orientation.x",),
@@ -131,7 +131,7 @@ def build_kinematic_state_speed(columns: Columns, reading: Reading) -> tuple[Spe
 
 def _convert_to_odometry_columns(columns: Columns) -> Columns:
     fields: dict[str, Field] = {name: field for name, field in columns.fields.items() if name.startswith("header.")}
-    for name, paths in SOURCE_PATHS_BY_ODOMETRY_FIELD.items():
+    for name, paths in KINEMATIC_STATE_PATHS_BY_ODOMETRY_FIELD.items():
         found = find_field(columns, *paths)
         if found is not None:
             fields[name] = found

@@ -23,7 +23,7 @@ from cwcli.signals.columns import (
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
-from cwcli.signals.v2x_codec import OTHER_STATION_REASON, OWN_STATION_NOTE, RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import EGO_STATION_NOTE_BEGINNING, OTHER_STATION_REASON, RemoteRows, Senders, V2xCodec
 
 MAX_STAMP_AHEAD_OF_LOG_NS = 2_000_000
 """The time by which a stamp may be after its log time, in ns: two steps of the message clock (1 ms)."""
@@ -129,7 +129,7 @@ def _note_ego_stations(senders: Senders, reading: Reading, ledger: RowLedger) ->
     for name in (senders.station.values[code] for code in codes if code >= 0):
         is_named = reading.ego_station is not None and name.lower() == reading.ego_station.lower()
         why = "named by --ego-station" if is_named else "whose messages say that the recording vehicle sent them"
-        ledger.add_note(f"{OWN_STATION_NOTE} {name}, {why}")
+        ledger.add_note(f"{EGO_STATION_NOTE_BEGINNING} {name}, {why}")
 
 
 def _drop_ego_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:

@@ -106,16 +106,16 @@ def _ground_truth_inputs(fields: Fields, prefix: str, rank: int, *, with_remote:
     )
 
 
-HOST_VEHICLE_DATA = (
+HOST_VEHICLE_DATA_INPUTS = (
     _lazy_input(Role.EGO_POSITION, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_pose"),
     _lazy_input(Role.EGO_SPEED, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_speed"),
 )
 """The registry rows of `osi3.HostVehicleData`."""
 GROUND_TRUTH_INPUTS = _ground_truth_inputs(_GROUND_TRUTH_FIELDS, "GROUND_TRUTH_PREFIX", 4)
 """The registry rows of `osi3.GroundTruth`."""
-SENSOR_VIEW = _ground_truth_inputs(_SENSOR_VIEW_FIELDS, "SENSOR_VIEW_PREFIX", 5)
+SENSOR_VIEW_INPUTS = _ground_truth_inputs(_SENSOR_VIEW_FIELDS, "SENSOR_VIEW_PREFIX", 5)
 """The registry rows of `osi3.SensorView`: the GroundTruth that a sensor is given. Its host carries the sensor."""
-SENSOR_DATA = (
+SENSOR_DATA_INPUTS = (
     *_ground_truth_inputs(_SENSOR_DATA_WORLD_FIELDS, "SENSOR_DATA_PREFIX", 6, with_remote=False),
     _lazy_input(Role.DETECTIONS, _DETECTED_OBJECT_FIELDS, 0, "sensor_data.build_detections"),
 )

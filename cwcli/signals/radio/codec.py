@@ -74,13 +74,13 @@ MESSAGE_FAULT_TEXTS: dict[int, str] = {
 }
 """The reason for rejecting a message, by status code."""
 SENDER_MESSAGES: dict[str, RoadUserMessage] = {
-    "BSM": RoadUserMessage(standard_messages.BSM, standard_messages.bsm_fields_from_decoded, j2735.JSON_BSM),
+    "BSM": RoadUserMessage(standard_messages.BSM, standard_messages.bsm_fields_from_decoded, j2735.JSON_BSM_CODEC),
     "CAM": RoadUserMessage(standard_messages.CAM, standard_messages.cam_fields_from_decoded, etsi.CAM_AND_VAM_CODEC),
     "VAM": RoadUserMessage(standard_messages.VAM, standard_messages.vam_fields_from_decoded, etsi.CAM_AND_VAM_CODEC),
 }
 """The messages that describe their sender, by name."""
 PERCEPTION_MESSAGES: dict[str, RoadUserMessage] = {
-    "CPM": RoadUserMessage(standard_messages.CPM, standard_messages.CPM.read_quantities, cpm.OBJECT_CODEC),
+    "CPM": RoadUserMessage(standard_messages.CPM, standard_messages.CPM.read_quantities, cpm.PERCEIVED_OBJECT_CODEC),
     "SDSM": RoadUserMessage(
         standard_messages.SDSM, standard_messages.sdsm_objects_from_decoded, sdsm.CODED_OBJECT_CODEC
     ),

@@ -18,7 +18,7 @@ from cwcli.channels.transforms import add_transforms_of_topic_to_tree
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
+from cwcli.pipeline.assumed_camera import ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.records import read_configuration, read_finite_number_or_nan, read_input_counts, read_run_records
 from cwcli.pipeline.result import InputMessageCount
@@ -130,8 +130,8 @@ def find_camera_source(
     fov_rad = 2.0 * math.atan(500.0 / default.fx) if field_of_view_rad is None else field_of_view_rad
     if info is None:
         notes.append(
-            f"{ASSUMED_LENS_TEXT} {camera_topic}: a horizontal field of view of {math.degrees(fov_rad):.0f} degrees, "
-            "no distortion and the axis at the image's centre are assumed (--camera-fov)"
+            f"{ASSUMED_LENS_NOTE_BEGINNING} {camera_topic}: a horizontal field of view of {math.degrees(fov_rad):.0f} "
+            "degrees, no distortion and the axis at the image's centre are assumed (--camera-fov)"
         )
     elif field_of_view_rad is not None:
         notes.append(f"--camera-fov is not used: {info.source} holds the calibration")
@@ -228,8 +228,8 @@ def find_camera_mounting(log: Log, frame_id: str, choice: MountingChoice | Mount
     if pose is None:
         mounting = Mounting(**given_values)
         note = (
-            f"{ASSUMED_MOUNTING_TEXT}: {mounting.height_m:g} m above the road, level, straight ahead and in the "
-            f"middle of the car are assumed ({', '.join(MOUNTING_OPTION_NAMES.values())})"
+            f"{ASSUMED_MOUNTING_NOTE_BEGINNING}: {mounting.height_m:g} m above the road, level, straight ahead and in "
+            f"the middle of the car are assumed ({', '.join(MOUNTING_OPTION_NAMES.values())})"
         )
         notes = notes if given_values else (*notes, note)
         return MountingSource(mounting, "pitch_rad" in given_values, counts, notes)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from cwcli.channels.published import REJECTED
 from cwcli.estimation.limit_check import is_bias_within_sensor_limits
-from cwcli.estimation.measurements import QUANTITIES, Kind
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind
 from cwcli.estimation.online_availability import OnlineAvailability
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.result import TrackSummary
@@ -86,7 +86,7 @@ def _estimated_parameters_table(ego: TrackSummary) -> SummaryTable:
     """Return the table with a row for each parameter that was estimated."""
     rows: list[tuple[Cell, ...]] = []
     for report in ego.sources:
-        unit = QUANTITIES[report.kind].unit
+        unit = QUANTITY_BY_KIND[report.kind].unit
         name = (report.source, measured_quantity_name(report))
         if not math.isnan(report.bias):
             status = ParameterStatus.USED if is_bias_within_sensor_limits(report) else ParameterStatus.CONTRADICTS
@@ -119,8 +119,8 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
             report.source,
             measured_quantity_name(report),
             CellWithValues(
-                "" if math.isnan(report.sigma) else f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
-                {"": report.sigma, "unit": QUANTITIES[report.kind].unit},
+                "" if math.isnan(report.sigma) else f"{report.sigma:.3g} {QUANTITY_BY_KIND[report.kind].unit}",
+                {"": report.sigma, "unit": QUANTITY_BY_KIND[report.kind].unit},
             ),
             report.noise_origin,
             report.nis_mean / report.nis_dof,

@@ -12,7 +12,7 @@ from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.fit_columns import lowercase_enum_names
 from cwcli.vision.method import LaneState
 
-SIDES = ("left", "right")
+SIDE_NAMES = ("left", "right")
 """Names of the boundaries, in the order in which arrays hold them."""
 
 
@@ -32,7 +32,7 @@ def lanes_table(frames: LaneFrames) -> Table:
         "frame": ColumnDoc(doc="number of the frame in its channel, within the chosen span"),
         "search_width_px": ColumnDoc(doc="size of the image in whose pixels a, b and c are"),
     }
-    for side, (name, body) in enumerate(zip(SIDES, (geometry.left_body, geometry.right_body), strict=True)):
+    for side, (name, body) in enumerate(zip(SIDE_NAMES, (geometry.left_body, geometry.right_body), strict=True)):
         for k, parameter in enumerate("abc"):
             columns[f"{name}_{parameter}"] = frames.fits.parabolas[:, side, k]
         columns[f"{name}_score"] = frames.fits.score[:, side]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cwcli.estimation.measurements import QUANTITIES, Kind
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind
 from cwcli.estimation.passes import SensorSeries
 
 RATE_HZ = 20.0
@@ -43,7 +43,7 @@ def made_drive(duration_s: float = 120.0, *, backwards: bool = False) -> tuple[n
 def as_series(kind: Kind, time_s: np.ndarray, values: np.ndarray, source: str = "") -> SensorSeries:
     """A series of one kind; its source is named like it."""
     padded = np.zeros((len(time_s), 2))
-    padded[:, : QUANTITIES[kind].width] = values.reshape(len(time_s), -1)
+    padded[:, : QUANTITY_BY_KIND[kind].width] = values.reshape(len(time_s), -1)
     return SensorSeries(
         source or f"/{kind.name.lower()}", kind, time_s, padded, np.tile([1.0, 0.0, 1.0], (len(time_s), 1))
     )

@@ -156,7 +156,7 @@ def test_the_table_of_the_docs_has_these_bounds() -> None:
     stated = {row[0]: row[1] for row in rows if len(row) == 3}
     limits = {
         "speed: scale": sensor_limits.SPEED_SCALE_RANGE,
-        "speed: lever arm": sensor_limits.HEIGHT_ABOVE_SPEED_POINT_RANGE,
+        "speed: lever arm": sensor_limits.ESTIMATED_POINT_ABOVE_SPEED_POINT_RANGE,
         "accelerometer: bias": sensor_limits.ACCEL_BIAS_RANGE,
         "accelerometer: grade": sensor_limits.ROAD_GRADE_ACCEL_SIGMA_RANGE,
         "gyroscope: bias": sensor_limits.YAW_RATE_BIAS_RANGE,

@@ -16,7 +16,7 @@ from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.hypotheses import HYPOTHESES
 from cwcli.estimation.hypotheses.base import with_pairwise_combinations
 from cwcli.estimation.hypotheses.imu import signed_axis_rotations
-from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
 from cwcli.estimation.source_judgement import JudgedSources, correct_and_list_user_faults, judge_sources
 from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
@@ -365,7 +365,7 @@ def test_units_that_a_source_cannot_have_are_refused() -> None:
 
 def test_every_hypothesis_is_a_map_of_its_kind_and_no_two_are_the_same() -> None:
     for kind, known in HYPOTHESES.items():
-        width = QUANTITIES[kind].width
+        width = QUANTITY_BY_KIND[kind].width
         maps = set()
         for each in known:
             matrix, offset = np.array(each.matrix), np.array(each.offset)

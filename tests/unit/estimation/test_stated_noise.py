@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cwcli.errors import UsageError
-from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
+from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, prepare_without_looking_ahead
 from cwcli.estimation.stated_noise import (
     apply_stated_noise,
@@ -101,4 +101,4 @@ def test_noise_within_the_limits_is_taken_as_stated() -> None:
 def test_noise_beyond_the_limits_is_no_noise_without_looking_ahead_either() -> None:
     yaw_rate = prepare_without_looking_ahead([imu_that_states(1.0, 1.0)], 0, {})[1].series
     assert yaw_rate.noise_origin == "default"
-    assert np.sqrt(yaw_rate.noise[0, 0]) == QUANTITIES[Kind.YAW_RATE].default_sigma
+    assert np.sqrt(yaw_rate.noise[0, 0]) == QUANTITY_BY_KIND[Kind.YAW_RATE].default_sigma

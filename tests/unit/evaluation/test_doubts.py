@@ -22,7 +22,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_value_in_window_from_each_row
 from cwcli.evaluation.silent_sources import lost_quantity_spans_to_record_entry
 from cwcli.evaluation.truth import build_nees_section
-from cwcli.pipeline.assumed_camera import ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT
+from cwcli.pipeline.assumed_camera import ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE, StateFlag
 
@@ -69,7 +69,7 @@ def evidence(
 
 def assumed_camera_evidence() -> DoubtEvidence:
     """What is known of lanes that were found with an assumed lens and mounting, without an estimate."""
-    notes = [f"{text}: 60 degrees" for text in (ASSUMED_LENS_TEXT, ASSUMED_MOUNTING_TEXT)]
+    notes = [f"{text}: 60 degrees" for text in (ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING)]
     return DoubtEvidence({"lanes": {"summary": json.dumps({"sections": [], "notes": notes})}})
 
 

@@ -30,7 +30,7 @@ def test_objects_without_a_number_are_no_road_user(encoding: str, tmp_path: Path
         del told["object_id"]
     log_path = write_log(tmp_path / "log.mcap", SCHEMA, encoding, "/cpm", messages)
     with Log.open(log_path) as log:
-        signal, quality = build_signal(Role.REMOTE, log.columns("/cpm", fields=cpm.LEAF_FIELDS))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/cpm", fields=cpm.ROS_LEAF_FIELDS))
     assert isinstance(signal, RemoteSignal)
     assert signal.station.values == ("1201:7",)
     assert len(signal.stamp_ns) == 2
@@ -47,7 +47,7 @@ def test_no_two_objects_become_one_where_a_number_is_no_object_id(number: float,
     told["object_id"]["value"] = number
     messages[1]["header"]["station_id"]["value"] = 2.0**32
     with Log.open(write_log(tmp_path / "log.mcap", SCHEMA, "json", "/cpm", messages)) as log:
-        signal, quality = build_signal(Role.REMOTE, log.columns("/cpm", fields=cpm.LEAF_FIELDS))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/cpm", fields=cpm.ROS_LEAF_FIELDS))
     assert isinstance(signal, RemoteSignal)
     assert signal.station.values == ("1201:7",)
     assert len(signal.stamp_ns) == 1
@@ -65,7 +65,7 @@ def test_units_outside_the_range_of_their_element_are_left_out(delta_s: float, t
     common["measurement_time"]["measurement_time_offset"] = delta_s
     common["speed"]["speed"] = 1e9
     with Log.open(write_log(tmp_path / "log.mcap", schema, "cdr", "/sdsm", messages)) as log:
-        signal, quality = build_signal(Role.REMOTE, log.columns("/sdsm", fields=sdsm.LEAF_FIELDS))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/sdsm", fields=sdsm.ROS_LEAF_FIELDS))
     assert isinstance(signal, RemoteSignal)
     np.testing.assert_allclose(signal.stamp_ns[1] - signal.log_time_ns[1], -DELAY_NS, atol=1_000_000)  # the message's
     np.testing.assert_equal(signal.speed_mps, [10.0, np.nan])

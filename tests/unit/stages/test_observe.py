@@ -23,7 +23,7 @@ from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.call import run_stage
-from cwcli.pipeline.records import RUN_RECORD_PREFIX, VEHICLE_KEY, vehicle_and_notes_from_log
+from cwcli.pipeline.records import RUN_RECORD_PREFIX, VEHICLE_RECORD_KEY, vehicle_and_notes_from_log
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Columns, OutputChannel
 from cwcli.simulation.lane_camera import LaneSensorNoise
@@ -162,7 +162,7 @@ def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so(tmp_path: 
 @pytest.mark.parametrize("entry", ["[" * 100_000, "{", "[]", '{"name": 3}'])
 def test_a_damaged_record_of_the_car_is_an_error(tmp_path: Path, entry: str) -> None:
     with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
-        damaged = log.with_channels([], {f"{RUN_RECORD_PREFIX}observe": {VEHICLE_KEY: entry}})
+        damaged = log.with_channels([], {f"{RUN_RECORD_PREFIX}observe": {VEHICLE_RECORD_KEY: entry}})
         with pytest.raises(DataError, match="the car in the record"):
             vehicle_and_notes_from_log(damaged)
 
