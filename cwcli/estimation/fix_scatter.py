@@ -48,6 +48,9 @@ as a car's place is off by half a degree of heading in 4 s."""
 MAX_SLOW_CHANGES_ALONG_TO_ACROSS = 1.4
 """Greatest ratio of the changes of a slow error of fixes along the way to those across it that raises no doubt. Chosen
 by hand: it is 0.9 to 1.0 in the scenario `phone`, and 1.5 to 8 where a speed waves or slips."""
+MAX_SLOW_ERROR_TO_SCATTER = 10.0
+"""Greatest ratio of a slow error of fixes to their scatter from which another source is blamed. Chosen by hand: it is 1
+to 5 where a speed is wrong, and above 20 where the receiver smooths its fixes, which then lag along the way, too."""
 KINDS_WITH_LASTING_ERROR_DOUBT = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
 """Kinds whose lasting errors raise a doubt. The velocity of a receiver is smoothed, so its errors always last."""
 
@@ -111,6 +114,11 @@ def is_slow_error_one_of_speed(report: SourceReport) -> bool:
     """Whether a slow error of fixes lies along the way, as only one that another source causes does."""
     slow = report.slow_error
     return slow.status is ParameterStatus.USED and slow.along_to_across > MAX_SLOW_CHANGES_ALONG_TO_ACROSS
+
+
+def may_speed_be_blamed_for_slow_error(report: SourceReport) -> bool:
+    """Whether a slow error of fixes lies along the way, and they are not so smooth that they may lag themselves."""
+    return is_slow_error_one_of_speed(report) and report.slow_error.sigma < MAX_SLOW_ERROR_TO_SCATTER * report.scatter
 
 
 def is_sigma_explained_by_scatter(kind: Kind, sigma: float, scatter: float) -> bool:

@@ -18,7 +18,7 @@ from cwcli.estimation.fix_scatter import (
     is_lasting_error_large,
     is_sigma_a_lasting_error,
     is_sigma_explained_by_scatter,
-    is_slow_error_one_of_speed,
+    may_speed_be_blamed_for_slow_error,
 )
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
@@ -83,7 +83,7 @@ def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
         and r.kind not in IMU_RATE_KINDS
         and (
             is_lasting_error_large(r)
-            or is_slow_error_one_of_speed(r)
+            or may_speed_be_blamed_for_slow_error(r)
             or not LATENCY_CHANGE_PER_SECOND_RANGE.contains_or_is_nan(r.latency.drift)
             or r.n_gated > MAX_UNDOUBTED_GATED_ROW_SHARE * (r.n_used + r.n_gated)
         )
