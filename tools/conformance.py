@@ -33,10 +33,10 @@ def clause_block(results: dict[str, list[ClauseResult]]) -> str:
         is_of_lanes = all(trial.scene == LANE_SCENE for trial in clause.trials)
         rows.append((clause.name, *(["-"] * len(RULES) + cells[:1] if is_of_lanes else [*cells, "-"])))
     failures = [
-        (result.clause.name, trial.trial.name, trial.margin_text, trial.worst.verdict.text)
+        (result.clause.name, trial.trial.name, trial.margin_text, trial.worst_repetition.verdict.text)
         for result in results[DEFAULT_RULE]
         for trial in result.trials
-        if trial.outcome == FAILED and trial.worst is not None and trial.worst.verdict is not None
+        if trial.outcome == FAILED and trial.worst_repetition is not None and trial.worst_repetition.verdict is not None
     ]
     return "\n\n".join(
         [

@@ -49,9 +49,10 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     if n_idle or ("log" in result.settings and clause.n_required > 1):
         asked = f"{clause.n_required} of {clause.n_repetitions} repetitions" if clause.n_required > 1 else "each"
         lines.append(f"one trial of one log: the clause asks for {asked} of its {len(result.trials)} trials")
-    worst = result.worst_trial
-    if worst is not None and worst.outcome == FAILED and worst.worst is not None and worst.worst.verdict is not None:
-        lines.append(f"worst: {worst.trial.name}: {worst.worst.verdict.text}")
+    trial = result.worst_trial
+    repetition = None if trial is None else trial.worst_repetition
+    if trial is not None and trial.outcome == FAILED and repetition is not None and repetition.verdict is not None:
+        lines.append(f"worst: {trial.trial.name}: {repetition.verdict.text}")
     invalid = next((each for trial in driven for each in trial.repetitions if each.breaches), None)
     if invalid is not None:
         lines.append(f"not valid: {invalid.breaches[0]}")

@@ -64,7 +64,7 @@ class TrialResult:
         return PASSED if self.n_passed_repetitions >= self.n_required else FAILED
 
     @property
-    def worst(self) -> Repetition | None:
+    def worst_repetition(self) -> Repetition | None:
         """The repetition that is nearest to failing, or fails worst; None without a valid one."""
         valid = [each for each in self.repetitions if each.verdict is not None and not each.breaches]
         return min(valid, key=_worst_first_sort_key, default=None)
@@ -72,7 +72,7 @@ class TrialResult:
     @property
     def margin_text(self) -> str:
         """The worst margin with its unit; "" where there is no number."""
-        worst = self.worst
+        worst = self.worst_repetition
         if worst is None or worst.verdict is None or math.isnan(worst.verdict.margin):
             return ""
         return f"{worst.verdict.margin:+.2f} {worst.verdict.unit}".rstrip()
@@ -85,7 +85,7 @@ class TrialResult:
     @property
     def worst_repetition_text(self) -> str:
         """What happened in the worst repetition; "" without a valid one."""
-        worst = self.worst
+        worst = self.worst_repetition
         return "" if worst is None or worst.verdict is None else worst.verdict.text
 
 
@@ -128,7 +128,7 @@ class ClauseResult:
     @property
     def worst_trial(self) -> TrialResult | None:
         """The trial that fails worst, or is nearest to failing."""
-        known = [trial for trial in self.trials if trial.worst is not None]
+        known = [trial for trial in self.trials if trial.worst_repetition is not None]
         return min(
             known,
             key=lambda trial: (trial.outcome != FAILED, _worst_first_sort_key(_worst_repetition_of_trial(trial))),
@@ -167,8 +167,8 @@ class ClauseResult:
 
 def _worst_repetition_of_trial(trial: TrialResult) -> Repetition:
     """The worst repetition of a trial that has one."""
-    assert trial.worst is not None
-    return trial.worst
+    assert trial.worst_repetition is not None
+    return trial.worst_repetition
 
 
 def _number_document(number: PublishedNumber) -> dict[str, Any]:

@@ -90,7 +90,7 @@ class _TruthRows:
         """The estimated quantity at the true times of the rows, (n, d)."""
         return np.column_stack([self.track_state_at_true_times(i, late_s) for i in STATES_OF_QUANTITY[self.quantity]])
 
-    def error(self, late_s: float) -> FloatArray:
+    def track_minus_truth(self, late_s: float) -> FloatArray:
         """Track minus truth, (n, d)."""
         error = self.estimated_quantity(late_s) - self.truth
         return np.asarray(wrap_angle(error) if self.quantity == "heading" else error)
@@ -184,10 +184,10 @@ def _rule_and_clock_of_quantity(
     Args:
         clock: The rule of another quantity, which is tried first.
     """
-    before = rows.nees_per_dof(rows.error(rows.late_s), np.ones(len(rows.stamp_s), np.bool_))
+    before = rows.nees_per_dof(rows.track_minus_truth(rows.late_s), np.ones(len(rows.stamp_s), np.bool_))
     if clock is not None:
         moved = CLOCK_RULE_KIND.apply(rows, clock)
-        left = moved.nees_per_dof(moved.error(moved.late_s), np.ones(len(rows.stamp_s), np.bool_))
+        left = moved.nees_per_dof(moved.track_minus_truth(moved.late_s), np.ones(len(rows.stamp_s), np.bool_))
         if left <= max(TOLERATED_VARIANCE_FACTOR, MAX_REMAINING_NEES_SHARE * before):
             return TruthRule(CLOCK_RULE_KIND.text(clock), CLOCK_RULE_KIND.advice, left), clock
     best, best_left = None, MAX_REMAINING_NEES_SHARE * before * MIN_ADVANTAGE_FACTOR_OVER_SIMPLER_RULE
@@ -210,7 +210,7 @@ def _held_out_nees(rows: _TruthRows, kind: _RuleKind) -> float:
         if np.count_nonzero(fitted) < MIN_TRUTH_ROWS_OF_HALF_LOG:
             return float("inf")
         without = kind.apply(rows, kind.fit(rows, fitted))
-        left.append(without.nees_per_dof(without.error(without.late_s), ~fitted))
+        left.append(without.nees_per_dof(without.track_minus_truth(without.late_s), ~fitted))
     return max(left)
 
 
@@ -218,7 +218,7 @@ def _least_squares_fit(columns: Callable[[_TruthRows], FloatArray]) -> _RuleFit:
     """Return the weighted least squares of truth minus track by columns (n, d, p)."""
 
     def fit(rows: _TruthRows, chosen: BoolArray) -> FloatArray:
-        error, design = -rows.error(rows.late_s), columns(rows)
+        error, design = -rows.track_minus_truth(rows.late_s), columns(rows)
         use = chosen & np.isfinite(error).all(axis=1)
         weight = np.linalg.inv(rows.covariance[use])
         normal = np.einsum("nip,nij,njq->pq", design[use], weight, design[use])
@@ -275,7 +275,7 @@ def _clock_error_fit_with(other: _RuleKind | None) -> _RuleFit:
             moved = _rows_with_later_clock(few, late_s)
             if other is not None:
                 moved = other.apply(moved, other.fit(moved, all_few))
-            return moved.nees_per_dof(moved.error(moved.late_s), all_few)
+            return moved.nees_per_dof(moved.track_minus_truth(moved.late_s), all_few)
 
         grid = np.arange(
             -MAX_CLOCK_ERROR_S, MAX_CLOCK_ERROR_S + COARSE_CLOCK_ERROR_SEARCH_STEP_S, COARSE_CLOCK_ERROR_SEARCH_STEP_S

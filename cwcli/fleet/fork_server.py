@@ -5,7 +5,7 @@ leaves that folder behind. This one is given its end of a pair of sockets when i
 sends one end of another pair through it. None of them has a name, so a killed run leaves nothing.
 
 A worker reads (function, arguments) and answers (is an error, value), pickled, until its socket is closed. It ends at
-once when the leash, a pipe of which the parent alone holds the other end, is closed: the parent has gone, or says so.
+once when the pipe of which the parent alone holds the other end is closed: the parent has gone, or says so.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class ForkServer:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._control, far = socket.socketpair()
-        held, self._leash = os.pipe()
+        held, self._parent_pipe = os.pipe()
         # it imports from where this process does, and not from the current folder, as `-c` alone would
         path = f"import sys; sys.path[:] = {sys.path!r}"
         command = f"{path}; from {__name__} import serve_worker_requests; serve_worker_requests({far.fileno()}, {held})"
@@ -46,7 +46,7 @@ class ForkServer:
             )
         except BaseException:
             self._control.close()
-            os.close(self._leash)
+            os.close(self._parent_pipe)
             raise
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -72,9 +72,9 @@ class ForkServer:
     def stop_workers(self) -> None:
         """End all workers at once."""
         with self._lock:
-            leash, self._leash = self._leash, -1
-            if leash >= 0:
-                os.close(leash)
+            parent_pipe, self._parent_pipe = self._parent_pipe, -1
+            if parent_pipe >= 0:
+                os.close(parent_pipe)
             self._control.close()
 
     def wait_until_stopped(self) -> None:
@@ -82,11 +82,11 @@ class ForkServer:
         self._process.wait()
 
 
-def serve_worker_requests(control: int, leash: int) -> None:
+def serve_worker_requests(control: int, parent_pipe: int) -> None:
     """Run the server: import, then fork a worker for each socket that is received, until the parent has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-    for descriptor in (control, leash):
+    for descriptor in (control, parent_pipe):
         os.set_inheritable(descriptor, False)
     os.environ[WORKER_ENVIRONMENT_VARIABLE] = "1"
     import cwcli.fleet.warm  # noqa: F401
@@ -106,7 +106,7 @@ def serve_worker_requests(control: int, leash: int) -> None:
                 child = os.fork()
                 if not child:
                     calls.close()
-                    _run_worker_loop(descriptor, leash)
+                    _run_worker_loop(descriptor, parent_pipe)
                 os.close(descriptor)
                 children.add(child)
     for child in children:
@@ -118,11 +118,11 @@ def _has_child_ended(child: int) -> bool:
     return os.waitpid(child, os.WNOHANG)[0] != 0
 
 
-def _run_worker_loop(descriptor: int, leash: int) -> None:
+def _run_worker_loop(descriptor: int, parent_pipe: int) -> None:
     """Answer calls until the connection closes, then exit the process; does not return."""
     code = 1
     try:
-        threading.Thread(target=_exit_when_leash_closes, args=(leash,), daemon=True).start()
+        threading.Thread(target=_exit_when_parent_pipe_closes, args=(parent_pipe,), daemon=True).start()
         with Connection(descriptor) as connection, suppress(OSError, EOFError):
             while True:
                 function, arguments = connection.recv()
@@ -139,6 +139,6 @@ def _run_worker_loop(descriptor: int, leash: int) -> None:
         os._exit(code)
 
 
-def _exit_when_leash_closes(leash: int) -> None:
-    wait_for([leash])
+def _exit_when_parent_pipe_closes(parent_pipe: int) -> None:
+    wait_for([parent_pipe])
     os._exit(1)

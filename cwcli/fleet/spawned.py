@@ -20,7 +20,7 @@ class SpawningServer:
 
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("spawn")
-        self._held, self._leash = self._context.Pipe(duplex=False)
+        self._held, self._parent_pipe = self._context.Pipe(duplex=False)
         self._workers: set[SpawnedWorker] = set()
 
     def start_worker(self) -> SpawnedWorker:
@@ -32,7 +32,7 @@ class SpawningServer:
 
     def stop_workers(self) -> None:
         """Stop all workers at once."""
-        self._leash.close()
+        self._parent_pipe.close()
 
     def wait_until_stopped(self) -> None:
         """Wait until all workers and the threads that manage them have ended."""
@@ -62,13 +62,13 @@ class SpawnedWorker:
         self._pool.shutdown()
 
 
-def _initialise_worker(leash: Any) -> None:
+def _initialise_worker(parent_pipe: Any) -> None:
     """Initialise a worker: ignore Ctrl-C, and exit when the parent stops it or has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ[WORKER_ENVIRONMENT_VARIABLE] = "1"
     parent = multiprocessing.parent_process()
     assert parent is not None
-    threading.Thread(target=_exit_when_any_end_closes, args=([leash, parent.sentinel],), daemon=True).start()
+    threading.Thread(target=_exit_when_any_end_closes, args=([parent_pipe, parent.sentinel],), daemon=True).start()
 
 
 def _exit_when_any_end_closes(ends: list[Any]) -> None:

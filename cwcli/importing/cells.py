@@ -20,7 +20,7 @@ ArrowArray = Any
 
 EMPTY_CELL_TEXTS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "inf", "-inf", "#n/a", "?", "*")
 """Texts that stand for no value, in lower case."""
-NUMBER_PATTERN = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
+DECIMAL_POINT_PATTERN = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
 """A number with a decimal point."""
 DECIMAL_COMMA_PATTERN = r"^[+-]?(\d+,\d*|,\d+)([eE][+-]?\d{1,3})?$"
 """A number with a decimal comma."""
@@ -104,7 +104,7 @@ def read_number_cells_and_count_bad(array: ArrowArray, decimal: str) -> tuple[Fl
         return _arrow_numbers_to_floats(texts.cast(pa.float64())), 0
     except pa.ArrowInvalid:
         pass
-    is_number = pc.match_substring_regex(texts, NUMBER_PATTERN)
+    is_number = pc.match_substring_regex(texts, DECIMAL_POINT_PATTERN)
     numbers = pc.if_else(is_number, texts, pa.scalar(None, texts.type))
     bad = int(pc.sum(pc.invert(pc.fill_null(is_number, True))).as_py() or 0)
     return _arrow_numbers_to_floats(numbers.cast(pa.float64())), bad

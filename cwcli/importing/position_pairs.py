@@ -12,17 +12,21 @@ from cwcli.importing.tables import ColumnsOfRows, Preset, SourceTable
 
 _NUMBER = r"[+-]?\d{1,3}(?:\.\d+)?"
 _ANGLE = r"\d{1,3}\s*(?:°|deg|\s)\s*\d{1,2}(?:\.\d*)?\s*['\x{2032}]?\s*(?:\d{1,2}(?:\.\d*)?\s*(?:[\"\x{2033}]|'')?)?"
-_LETTER_BEHIND = rf"(?P<lat>(?:{_ANGLE}|{_NUMBER}\s*°?)\s*[NS])\s*[,;/]?\s*(?P<lon>(?:{_ANGLE}|{_NUMBER}\s*°?)\s*[EW])"
-_LETTER_BEFORE = rf"(?P<lat>[NS]\s*(?:{_ANGLE}|{_NUMBER}\s*°?))\s*[,;/]?\s*(?P<lon>[EW]\s*(?:{_ANGLE}|{_NUMBER}\s*°?))"
-_POINT = rf"(?:SRID=4326;)?POINT ?Z?M? ?\((?P<lon>{_NUMBER}) (?P<lat>{_NUMBER})(?: [^)]*)?\)"
-_BARE = rf"[(\[]?\s*(?P<lat>{_NUMBER})\s*[,; ]\s*(?P<lon>{_NUMBER})\s*[)\]]?"
+_HEMISPHERE_BEHIND_REGEX = (
+    rf"(?P<lat>(?:{_ANGLE}|{_NUMBER}\s*°?)\s*[NS])\s*[,;/]?\s*(?P<lon>(?:{_ANGLE}|{_NUMBER}\s*°?)\s*[EW])"
+)
+_HEMISPHERE_BEFORE_REGEX = (
+    rf"(?P<lat>[NS]\s*(?:{_ANGLE}|{_NUMBER}\s*°?))\s*[,;/]?\s*(?P<lon>[EW]\s*(?:{_ANGLE}|{_NUMBER}\s*°?))"
+)
+_WKT_POINT_REGEX = rf"(?:SRID=4326;)?POINT ?Z?M? ?\((?P<lon>{_NUMBER}) (?P<lat>{_NUMBER})(?: [^)]*)?\)"
+_BARE_PAIR_REGEX = rf"[(\[]?\s*(?P<lat>{_NUMBER})\s*[,; ]\s*(?P<lon>{_NUMBER})\s*[)\]]?"
 BARE_PAIR_REASON = "the usual order"
 """Reason of a pair of bare numbers, which only the name of the column makes a place."""
 PAIR_PATTERNS = (
-    ("a point of WKT", rf"^{_POINT}$"),
-    ("letters name them", rf"^{_LETTER_BEHIND}$"),
-    ("letters name them", rf"^{_LETTER_BEFORE}$"),
-    (BARE_PAIR_REASON, rf"^{_BARE}$"),
+    ("a point of WKT", rf"^{_WKT_POINT_REGEX}$"),
+    ("letters name them", rf"^{_HEMISPHERE_BEHIND_REGEX}$"),
+    ("letters name them", rf"^{_HEMISPHERE_BEFORE_REGEX}$"),
+    (BARE_PAIR_REASON, rf"^{_BARE_PAIR_REGEX}$"),
 )
 """Reasons why a text is a latitude and a longitude, and the patterns of the text."""
 PAIR_WORDS = frozenset(

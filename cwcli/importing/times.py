@@ -75,8 +75,8 @@ AMBIGUOUS_ZONE_ABBREVIATION_PATTERN = (
     r"\s+(?:[CEW]ES?T|ME?S?Z|BST|MSK|IST|[AECMP][SD]T|AK[SD]T|HST|[JK]ST|A[ECW][SD]T|NZ[SD]T|SGT|HKT)\b"
 )
 """Short names of zones: no certain offsets (CST is used in America and China), so that the zone is a question."""
-MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTHS)})[a-z]*\b"
+MONTH_NAME_BEGINNINGS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTH_NAME_BEGINNINGS)})[a-z]*\b"
 """The name of a month."""
 LONG_DATE_ORDERS = (
     (r"^[A-Za-z]{3,9}, ", ""),
@@ -155,7 +155,7 @@ def _with_month_numbers(texts: ArrowArray) -> tuple[Any, bool]:
         return texts, False
     for pattern, order in LONG_DATE_ORDERS:
         texts = pc.replace_substring_regex(texts, pattern, order)
-    for k, name in enumerate(MONTHS, 1):
+    for k, name in enumerate(MONTH_NAME_BEGINNINGS, 1):
         texts = pc.replace_substring_regex(texts, rf"(?i)\b{name}[a-z]*\b", f"{k:02d}")
     return texts, True
 

@@ -109,14 +109,17 @@ class PathPairs:
         if covariances_s is not None:
             own_spread = PlacesOnPaths.locate(self.host, self.host_row, none, covariances_s[0])
             their_spread = PlacesOnPaths.locate(self.other, self.other_row, self.age_s, covariances_s[1])
-        own_heading, their_heading = own.read(self.host.heading_rad), theirs.read(self.other.heading_rad)
-        own_x, own_y = own.read_positions(self.host, own_heading)
-        their_x, their_y = theirs.read_positions(self.other, their_heading)
+        own_heading, their_heading = (
+            own.interpolate_values(self.host.heading_rad),
+            theirs.interpolate_values(self.other.heading_rad),
+        )
+        own_x, own_y = own.interpolate_positions(self.host, own_heading)
+        their_x, their_y = theirs.interpolate_positions(self.other, their_heading)
         return collision_probability(
             their_x - own_x,
             their_y - own_y,
-            UncertainPaths(own_heading, own_spread.read_covariances(self.host), self.host_size),
-            UncertainPaths(their_heading, their_spread.read_covariances(self.other), self.other_size),
+            UncertainPaths(own_heading, own_spread.interpolate_covariances(self.host), self.host_size),
+            UncertainPaths(their_heading, their_spread.interpolate_covariances(self.other), self.other_size),
             ends=ends,
         )
 

@@ -88,8 +88,8 @@ def interpolate_paths(
     `time_s` may be (q,) or (m, q). After its end a path goes straight on at its last speed and heading.
     """
     places = PlacesOnPaths.locate(paths, rows, offset_s, time_s)
-    heading, speed = places.read(paths.heading_rad), places.read(paths.speed_mps)
-    x, y = places.read_positions(paths, heading, speed)
+    heading, speed = places.interpolate_values(paths.heading_rad), places.interpolate_values(paths.speed_mps)
+    x, y = places.interpolate_positions(paths, heading, speed)
     return PathPoints(x, y, heading, speed, places.is_beyond_end)
 
 
@@ -123,7 +123,7 @@ class PlacesOnPaths:
         share = np.minimum(place - before, 1.0)
         return PlacesOnPaths(rows[:, None] * (last + 1) + before, share, past_s, np.asarray(past_s.any(axis=1)))
 
-    def read(self, values: FloatArray) -> FloatArray:
+    def interpolate_values(self, values: FloatArray) -> FloatArray:
         """Read an array (n, k) of the paths there, (m, q)."""
         first = values.take(self.flat)
         step = values.take(self.flat + 1)
@@ -132,18 +132,18 @@ class PlacesOnPaths:
         first += step
         return first
 
-    def read_positions(
+    def interpolate_positions(
         self, paths: PathArrays, heading_rad: FloatArray, speed_mps: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Read the positions east and north, m, (m, q); after its end a path goes straight on."""
-        x, y = self.read(paths.x_m), self.read(paths.y_m)
+        x, y = self.interpolate_values(paths.x_m), self.interpolate_values(paths.y_m)
         if self.is_beyond_end.any():
-            speed_mps = self.read(paths.speed_mps) if speed_mps is None else speed_mps
+            speed_mps = self.interpolate_values(paths.speed_mps) if speed_mps is None else speed_mps
             x += self.past_s * speed_mps * np.cos(heading_rad)
             y += self.past_s * speed_mps * np.sin(heading_rad)
         return x, y
 
-    def read_covariances(self, paths: PathArrays) -> FloatArray:
+    def interpolate_covariances(self, paths: PathArrays) -> FloatArray:
         """Read the position covariances, (m, q, 3); after its end a path keeps its last one."""
         covariance = paths.position_covariance_m2.reshape(-1, 3)
         first = covariance.take(self.flat, axis=0)

@@ -7,7 +7,11 @@ from dataclasses import replace
 
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.delimited import read_delimited_table
-from cwcli.importing.readers.phone import is_phone_recording_table, stem_of_table, with_phone_units_and_time_base
+from cwcli.importing.readers.phone import (
+    is_phone_recording_table,
+    lower_case_name_of_table_file,
+    with_phone_units_and_time_base,
+)
 from cwcli.importing.tables import Answers, Preset, SourceTable
 
 COLUMNS_OF_EXPORTED_STATES = frozenset(
@@ -43,7 +47,7 @@ def _accepts_csv_file(head: FileHead) -> bool:
 def _read_csv_as_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     table = with_presets_if_cwcli_table(read_delimited_table(path, answers))
     if is_phone_recording_table(table):
-        return [with_phone_units_and_time_base(table, stem_of_table(path), b"")]
+        return [with_phone_units_and_time_base(table, lower_case_name_of_table_file(path), b"")]
     return [table]
 
 

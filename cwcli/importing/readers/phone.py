@@ -86,13 +86,13 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
     tables = [with_phone_units_and_time_base(table, name, start) for name, table in sources.items()]
     if not tables:
         raise InputError("its tables have no rows", where=path)
-    has_position = any(table.part and stem_of_table(table.part) in POSITION_TABLES for table in tables)
+    has_position = any(table.part and lower_case_name_of_table_file(table.part) in POSITION_TABLES for table in tables)
     if not has_position:
         tables[0].notes.append("the recording has no location")
     return tables
 
 
-def stem_of_table(name: str) -> str:
+def lower_case_name_of_table_file(name: str) -> str:
     base = name.rpartition("/")[2].rpartition(".")[0] or name
     return "".join(character for character in base.lower() if character.isalnum())
 
@@ -107,7 +107,7 @@ def _archive_members_by_table_name(archive: zipfile.ZipFile, path: str) -> dict[
     if len(infos) > MAX_FILES_IN_ZIP:
         raise InputError(f"the zip holds {len(infos)} files; recordings of phones hold few", where=path)
     tables = {
-        stem_of_table(info.filename): info
+        lower_case_name_of_table_file(info.filename): info
         for info in infos
         if info.filename.lower().endswith((".csv", ".tsv", ".txt")) and "__MACOSX" not in info.filename
     }
@@ -232,7 +232,7 @@ def is_phone_recording_table(table: SourceTable) -> bool:
     """Tell whether a table is one of a recording of Sensor Logger or phyphox, by its columns and its name."""
     columns = set(table.columns)
     if {"time", "seconds_elapsed"} <= columns:
-        return stem_of_table(table.file) in {*POSITION_TABLES, *ACCELERATION_TABLES, *TURN_RATE_TABLES}
+        return lower_case_name_of_table_file(table.file) in {*POSITION_TABLES, *ACCELERATION_TABLES, *TURN_RATE_TABLES}
     return "Time (s)" in columns and any(
         name.startswith(("Acceleration x (", "Linear Acceleration x (", "Gyroscope x (", "Latitude (°)"))
         for name in columns

@@ -21,7 +21,7 @@ from cwcli.importing.text_file import iter_text_lines
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-NUMBER_PATTERN = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
+TRAJECTORY_NUMBER_PATTERN = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
 LINES_PARSED_AT_ONCE = 50_000
 """Number of lines that are parsed at a time. Chosen by hand: they take a few megabytes."""
 POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -48,7 +48,7 @@ def first_lines_as_numbers(head: FileHead, n: int) -> FloatArray | None:
     """
     lines = [line for line in head.lines if not line.startswith(("#", "%"))]
     rows = [_split_line_into_cells(line) for line in lines]
-    if not rows or any(len(row) != n or not all(NUMBER_PATTERN.match(cell) for cell in row) for row in rows):
+    if not rows or any(len(row) != n or not all(TRAJECTORY_NUMBER_PATTERN.match(cell) for cell in row) for row in rows):
         return None
     return np.array(rows, np.float64)
 
@@ -62,7 +62,7 @@ def _split_line_into_cells(line: str) -> list[str]:
 def is_one_number_per_line(head: FileHead) -> bool:
     """Tell whether a file holds one number a line, below a line of words at most."""
     lines = [line for line in head.lines if not line.startswith(("#", "%"))]
-    numbers = [line for line in lines if NUMBER_PATTERN.match(line)]
+    numbers = [line for line in lines if TRAJECTORY_NUMBER_PATTERN.match(line)]
     return len(numbers) > 1 and len(numbers) >= len(lines) - 1
 
 
@@ -77,7 +77,7 @@ def iter_number_lines(path: str, n: int, notes: list[str]) -> Iterator[list[list
     lines = iter_text_lines(path)
     while block := list(islice(lines, LINES_PARSED_AT_ONCE)):
         rows = [_split_line_into_cells(line) for line in block if line.strip() and line[0] not in "#%"]
-        good = [row for row in rows if len(row) == n and all(NUMBER_PATTERN.match(cell) for cell in row)]
+        good = [row for row in rows if len(row) == n and all(TRAJECTORY_NUMBER_PATTERN.match(cell) for cell in row)]
         n_bad += len(rows) - len(good)
         n_good += len(good)
         if good:
@@ -176,8 +176,8 @@ def read_time_lines_ns(path: str, max_n: int) -> Int64Array:
 
     lines = (line.strip() for line in iter_text_lines(path) if line.strip() and line[0] not in "#%")
     cells = [re.split(r"[,;\s]", line, maxsplit=1)[0] for line in islice(lines, max_n + 1)]
-    cells = cells[1:] if cells and not NUMBER_PATTERN.match(cells[0]) else cells[:max_n]
-    if not cells or not all(NUMBER_PATTERN.match(cell) for cell in cells):
+    cells = cells[1:] if cells and not TRAJECTORY_NUMBER_PATTERN.match(cells[0]) else cells[:max_n]
+    if not cells or not all(TRAJECTORY_NUMBER_PATTERN.match(cell) for cell in cells):
         raise InputError("it has no number at the start of each line", where=path)
     instants = Instants(*read_whole_units_fraction_and_validity(pa.array(cells), "."))
     base = time_base_of_numbers(instants, "", ())
