@@ -71,7 +71,15 @@ def test_what_is_a_misfit(report: SourceReport, is_misfit: bool) -> None:
         (replace(FIX, slow_error=SlowError(1.0, 30.0, ParameterStatus.USED, along_to_across=1.5)), True),
         (replace(FIX, slow_error=SlowError(1.0, 30.0, ParameterStatus.USED, along_to_across=1.3)), False),
         (replace(FIX, slow_error=SlowError(along_to_across=1.5)), False),
-        (replace(FIX, scatter=0.09, slow_error=SlowError(1.0, 9.0, ParameterStatus.USED, along_to_across=1.5)), False),
+        (
+            replace(
+                FIX,
+                sigma=0.09,
+                scatter=0.09,
+                slow_error=SlowError(1.0, 30.0, ParameterStatus.USED, along_to_across=1.5),
+            ),
+            False,  # fixes as smooth as that may lag themselves
+        ),
         (replace(SPEED, n_gated=6), True),
         (replace(SPEED, n_gated=5), False),
         (replace(SPEED, latency=Latency(LatencyStatus.DRIFTS, 0.1, 0.01, drift=1.1e-3)), True),
