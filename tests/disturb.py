@@ -42,6 +42,7 @@ from tests.unit.logs_read.test_bags import bag, recording
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = ROOT / "sample_logs"
+CLAUSES = ROOT / "cwcli" / "conformance" / "clauses"
 LONGEST_S = 600
 FINDINGS = "FINDINGS"
 """The name under which findings are counted."""
@@ -72,11 +73,18 @@ COMMANDS = (
     ("import", "drive.zip", "-o", "out/drive.mcap", "--force", "--quiet"),
     ("import", "drive.parquet", "-o", "out/drive.mcap", "--force", "--quiet"),
     ("import", "drive.mp4", "--times", "frames.txt", "-o", "out/drive.mcap", "--force", "--quiet"),
+    ("conform", "clause.toml", "--seeds", "1", "--jobs", "1", "--html", "out/page.html", "--force", "--quiet"),
+    ("lanes", "road.mcap", "-o", "out/lanes.mcap", "--force", "--quiet"),
+    ("track", "targets.mcap", "-o", "out/tracked.mcap", "--force", "--quiet"),
+    ("simulate", "scene.toml", "-o", "out/scene.mcap", "--force", "--quiet"),
+    ("plot", "annotated.mcap", "-o", "out/plot.png", "--force", "--quiet"),
 )
-"""Each names its input second: that is what changes."""
-UNCHANGED = ("calibrate", "find", "merge")
-"""Commands whose input does not change: they report a log that fails and go on without it, or read a folder."""
-WHOLE = (".mcap", ".csv", ".parquet", ".html", ".toml")
+"""Each names its input second: that is what changes, or a file in it."""
+CHANGED_FILE_OF_FOLDER = {"shards/1": "shards/1/logs/intersection/annotated.mcap"}
+"""Folder that a command reads -> the file in it that changes."""
+GO_ON_WITHOUT = {"calibrate": 1}
+"""Command -> the index of the log without which it goes on: it reports the log that fails, and writes the others."""
+WHOLE = (".mcap", ".csv", ".parquet", ".html", ".toml", ".png")
 """Outputs that are the same bytes in every run; the manifest of `-d` tells how long it took."""
 Files = dict[str, bytes]
 Inputs = dict[str, tuple[bytes, bytes]]
@@ -250,6 +258,19 @@ def inputs() -> Inputs:
         for path in (folder / "shards").rglob("*"):
             if path.is_file():
                 found[str(path.relative_to(folder))] = path.read_bytes(), b""
+        changed = CHANGED_FILE_OF_FOLDER["shards/1"]
+        found[changed] = found[changed][0], found["annotated.mcap"][1]
+        one, two = ((CLAUSES / f"{name}.toml").read_bytes() for name in ("iso-15623", "nhtsa-fcw"))
+        found["clause.toml"] = one, two
+        one, two = ((SAMPLES / f"{name}.toml").read_bytes() for name in ("intersection", "rear-end"))
+        found["scene.toml"] = one, two
+        for kind, scenario in (("road", "road"), ("targets", "xiang2019-line")):
+            logs = []
+            for seed in ("1", "2"):
+                made = f"{kind}{seed}"
+                run_undisturbed(folder, "simulate", scenario, "--seed", seed, "--set", "duration_s=2", "-o", made)
+                logs.append((folder / made).read_bytes())
+            found[f"{kind}.mcap"] = logs[0], logs[1]
         bags = (bag(folder / f"{each}.bag", each).read_bytes() for each in (None, Writer.CompressionFormat.LZ4))
         databases = (
             next(recording(folder / f"{mode}", StoragePlugin.SQLITE3, mode).glob("*.db3*")).read_bytes()
@@ -301,6 +322,11 @@ def reference(folder: Path, command: tuple[str, ...], n_contents: int) -> Refere
         if code:
             raise Finding(f"{command} ended with {code}: {said}")
         made.append(outputs(folder))
+    if n_contents > 1 and command[0] in GO_ON_WITHOUT:
+        left_out = GO_ON_WITHOUT[command[0]]
+        empty(folder, command)
+        ended(start(folder, command[:left_out] + command[left_out + 1 :]))
+        made.append(outputs(folder))
     return Reference(tuple(made), took_s)
 
 
@@ -312,8 +338,13 @@ def empty(folder: Path, command: tuple[str, ...], k: int = 0) -> None:
     shutil.rmtree(folder / "shards", ignore_errors=True)
     for name, contents in inputs().items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(contents[k if name == command[1] else 0])
+        (folder / name).write_bytes(contents[k if name == changed_file(command) else 0])
     (folder / "cwcli.toml").write_bytes(b"")  # no other one, of a folder above, counts
+
+
+def changed_file(command: tuple[str, ...]) -> str:
+    """The input of a command that changes."""
+    return CHANGED_FILE_OF_FOLDER.get(command[1], command[1])
 
 
 def outputs_for_present_input(folder: Path, command: tuple[str, ...]) -> Files:
@@ -410,8 +441,8 @@ def mount_disk(folder: Path, n_bytes: int) -> bool:
 
 def change(folder: Path, command: tuple[str, ...], known: Reference, rng: np.random.Generator) -> str:
     """The log is replaced by another one, overwritten with it, or cut."""
-    path, other = folder / command[1], folder / "changed"
-    changed = inputs()[command[1]][1]
+    path, other = folder / changed_file(command), folder / "changed"
+    changed = inputs()[changed_file(command)][1]
     other.write_bytes(changed)
     process = start(folder, command)
     time.sleep(float(rng.uniform(0, 1.05 * known.took_s)))
@@ -431,7 +462,8 @@ def change(folder: Path, command: tuple[str, ...], known: Reference, rng: np.ran
         of_cut_file = outputs_for_present_input(folder, command)
         known = Reference((*known.outputs, of_cut_file), known.took_s)
     check_outputs(folder, known)
-    if bool(code) == bool(outputs(folder)):
+    may_write_some = {"-d", "--clips"} & {*command} or command[0] in GO_ON_WITHOUT
+    if bool(code) == bool(outputs(folder)) and not (code and may_write_some):
         raise Finding(f"it ended with {code} and wrote {sorted(outputs(folder))}")
     return f"{('replaced', 'overwritten', 'cut')[how]}, ended with {code}"
 
@@ -510,15 +542,15 @@ def disturb(
     """
     counts: Counter[str] = Counter()
     known: dict[tuple[str, ...], Reference] = {}
-    if kind == "change":
-        commands = [each for each in commands if each[0] not in UNCHANGED]
     if state is not None and state.exists():
         counts.update(json.loads(state.read_text()))
     for k in range(counts.total(), n):
         rng = np.random.default_rng([seed, k])
         command = commands[k % len(commands)]
         if command not in known:
-            known[command] = reference(folder, command, 2 if kind == "change" else 1)
+            known[command] = reference(
+                folder, command, 2 if kind == "change" and command[1] not in CHANGED_FILE_OF_FOLDER else 1
+            )
         empty(folder, command)
         try:
             counts[KINDS[kind](folder, command, known[command], rng)] += 1
@@ -539,6 +571,7 @@ def main() -> int:
     parser.add_argument("kind", choices=KINDS)
     parser.add_argument("-n", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", nargs="*", metavar="COMMAND", help="commands of these names (default: all)")
     parser.add_argument("--folder", type=Path, help="where the outputs go")
     parser.add_argument("--state", type=Path, help="keeps what was done; the same command goes on behind it")
     parser.add_argument("--warm", action="store_true", help="fork most commands from this process")
@@ -547,7 +580,8 @@ def main() -> int:
         LAUNCHER.is_warm = True
         import_all()
     with tempfile.TemporaryDirectory(dir=given.folder) as folder:
-        counts = disturb(given.kind, given.n, given.seed, Path(folder), state=given.state)
+        commands = [each for each in COMMANDS if not given.only or each[0] in given.only]
+        counts = disturb(given.kind, given.n, given.seed, Path(folder), commands, given.state)
     for what, count in sorted(counts.items()):
         print(f"{count:5} {what}")
     return 1 if counts[FINDINGS] else 0

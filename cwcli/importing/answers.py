@@ -11,6 +11,7 @@ from cwcli.importing.names import QUANTITIES
 from cwcli.importing.readers.base import Recording
 from cwcli.importing.tables import Answers, SourceTable
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT, find_unit
+from cwcli.importing.utm import parse_utm_zone_or_none
 
 ANGLE_SENSES = ("cw-north", "ccw-east")
 """Senses of an angle."""
@@ -60,6 +61,8 @@ def _spell_unit_as_known(quantity: str, column: str, text: str) -> str:
     if not text:
         return ""
     kind = QUANTITIES[quantity].kind
+    if quantity in {"x", "y"} and parse_utm_zone_or_none(text):
+        return text.lower()
     units = FACTOR_BY_KIND_AND_UNIT.get(kind, {})
     if unit := text if text in units else find_unit(text, kind) if kind in FACTOR_BY_KIND_AND_UNIT else "":
         return unit

@@ -36,6 +36,7 @@ from cwcli.importing.times import (
 )
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.text import format_count
 
 MIN_ROWS_OF_JOINED_PIECES = 1 << 20
 """Number of rows from which the pieces of a column are joined, so that a file can hold them. Chosen by hand: 8 MiB."""
@@ -45,6 +46,10 @@ EPOCH_WORDS = frozenset(
 """Words of which a column of numbers since 1970 has one, beside any others, in a table that names no time."""
 MAX_NON_NUMBER_CELL_SHARE = 0.05
 """Largest share of cells without a number in a column of numbers; a column with more is none. Chosen by hand."""
+SENTINELS = frozenset(
+    {-99.0, -32768.0, -2147483648.0, *(sign * (10.0**n - 1.0) for n in range(3, 8) for sign in (-1, 1))}
+)
+"""Numbers that loggers write where nothing was measured: nines, and the least numbers of 16 and 32 bits."""
 COMMA_BEFORE_THREE_DIGITS_PATTERN = r"^[+-]?\d{1,3}(,\d{3})+$"
 """A number with a comma before each three digits, which may be a thousand or a decimal."""
 POINT_BEFORE_THREE_DIGITS_PATTERN = r"^[+-]?\d{1,3}(\.\d{3})+$"
@@ -302,6 +307,30 @@ def _store_finished_column(loaded: LoadedTable, column: str, reading_method: str
         loaded.text_times[column] = join_text_times(batches)
     else:
         loaded.numbers[column] = np.concatenate(batches) if batches else np.zeros(0)
+        n_sentinels, sentinel = _remove_sentinels(loaded.numbers[column])
+        if n_sentinels:
+            loaded.source.notes.append(
+                f"{column}: {format_count(n_sentinels, 'cell')} of {sentinel:.0f} stand for no value and are left out"
+            )
+
+
+def _remove_sentinels(values: FloatArray) -> tuple[int, float]:
+    """Replace an extreme value that stands for none by NaN, in place; return how many there were, and the value.
+
+    It is one of `SENTINELS`, and farther from all other values than these are from each other.
+    """
+    n_removed, removed = 0, 0.0
+    for find_extreme in (np.fmin, np.fmax):
+        sentinel = float(find_extreme.reduce(values)) if len(values) else 0.0
+        if sentinel not in SENTINELS:
+            continue
+        is_one = values == sentinel
+        others = values[~is_one & np.isfinite(values)]
+        if len(others) and np.abs(others - sentinel).min() <= np.ptp(others):
+            continue
+        values[is_one] = np.nan
+        n_removed, removed = int(np.count_nonzero(is_one)), sentinel
+    return n_removed, removed
 
 
 def _drop_text_columns(loaded: LoadedTable, bad: Mapping[str, int], answers: Answers) -> None:

@@ -145,6 +145,7 @@ QUANTITIES: dict[str, Quantity] = {
             "nanosecond": "nano nanosecond",
         }.items()
     },
+    "day_half": _quantity_from_words("text", "ampm meridiem meridian", "time clock"),
     "vehicle_id": _quantity_from_words("text", "id", "vehicle veh car track object device trip station agent obj"),
     "fix": _quantity_from_words("number", "fix fixtype quality fixquality", "gps gnss type quality status"),
 }
@@ -162,6 +163,7 @@ _PAIRS_BY_WORD = {
     "ns": "n s",
     "ew": "e w",
     "headmot": "head mot",
+    "ampm": "am pm",
     "headveh": "head veh",
     "itow": "i tow",
     "wnc": "w nc",

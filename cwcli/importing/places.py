@@ -15,12 +15,15 @@ from cwcli.importing.motion import (
 )
 from cwcli.importing.tables import UNKNOWN_UNIT, Guess, UnitChoice
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
+from cwcli.importing.utm import geographic_of_utm_deg, parse_utm_zone_or_none
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_count
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
+MAX_ROAD_LATITUDE_DEG = 75.0
+"""Greatest size of the latitude of a road. The northernmost, at the North Cape, lies at 71."""
 MAX_DEGREES_THAT_MAY_BE_RADIANS = 3.15
 """Size of latitudes and longitudes, degrees, below which they may be radians: a little more than pi."""
 MAX_PATH_LENGTH_RATIO_OF_JITTER = 1.5
@@ -28,6 +31,9 @@ MAX_PATH_LENGTH_RATIO_OF_JITTER = 1.5
 Chosen by hand."""
 MAX_ROAD_ALTITUDE_M = 9000.0
 """Greatest altitude of a road, m; larger numbers are in another unit. No public road lies above 6,000 m."""
+MIN_GRID_COORDINATE_M = 100_000.0
+"""Size of x or y, m, from which they count from the origin of a national or UTM grid, not from a place of the drive.
+Chosen by hand: a square of MGRS, which local frames count in, is as long."""
 MIN_XY_EXTENT_OF_METRES_M = 0.5
 """Least extent of x and y, m, within a minute or more; columns of a smaller one may hold degrees. Chosen by hand."""
 MAX_COURSE_ERROR_OF_SWAPPED_POSITIONS_DEG, MIN_COURSE_ERROR_OF_UNSWAPPED_POSITIONS_DEG = 10.0, 30.0
@@ -173,14 +179,18 @@ def _choose_unit_of_whole_numbers_or_ask(
         np.nanmax(np.abs(values_by_quantity[name])) * 1e-6 <= limit
         for name, limit in (("latitude", MAX_LATITUDE_DEG), ("longitude", MAX_LONGITUDE_DEG))
     )
+    largest_mas = {name: np.nanmax(np.abs(values)) / 3.6e6 for name, values in values_by_quantity.items()}
     if "position" in meaning.words_of_column(column):  # of Garmin's FIT, whose places are semicircles unless converted
         other = "semicircles"
     elif is_in_range_as_e6:
         other = "1e-6deg"
+    elif largest_mas["latitude"] <= MAX_ROAD_LATITUDE_DEG and largest_mas["longitude"] <= MAX_LONGITUDE_DEG:
+        other = "mas"
     else:
         return UnitChoice("1e-7deg", "likely", "whole numbers of this size are 1e-7 degrees")
+    name = "milliarcseconds" if other == "mas" else other.replace("deg", " degrees")
     meaning.add_question(
-        f"{column!r}: whole numbers up to {size:g} may be {other.replace('deg', ' degrees')} or 1e-7 degrees",
+        f"{column!r}: whole numbers up to {size:g} may be {name} or 1e-7 degrees",
         f"--column latitude=NAME*{other}, or *1e-7deg; longitude alike",
     )
     return UNKNOWN_UNIT
@@ -287,6 +297,11 @@ def _find_local_positions(meaning: Meaning) -> None:
     x, y = meaning.choose_column_or_ask("x"), meaning.choose_column_or_ask("y")
     if x is None or y is None:
         return
+    if grid := parse_utm_zone_or_none(meaning.stated_unit("x", x).unit):
+        _find_positions_in_utm_grid(meaning, x, y, grid)
+        return
+    if _ask_if_grid(meaning, x, y):
+        return
     for quantity, column in (("x", x), ("y", y)):
         choice = meaning.stated_unit(quantity, column).usual_unit_where_unknown("m", "positions are usually in m")
         meaning.add_scaled_quantity(quantity, column, choice)
@@ -311,6 +326,40 @@ def _find_local_positions(meaning: Meaning) -> None:
         )
         return
     meaning.track = spans_of_map_points(meaning.stamp_ns[finite], values["x"][finite], values["y"][finite])
+
+
+def _ask_if_grid(meaning: Meaning, x: str, y: str) -> bool:
+    """Ask for the zone where x and y count from the origin of a grid, and nobody said that they may stay so."""
+    if meaning.stated_unit("x", x).confidence == "given":
+        return False
+    sizes = [float(np.nanmedian(np.abs(meaning.numbers_in_file_unit(column)))) for column in (x, y)]
+    if max(sizes) < MIN_GRID_COORDINATE_M:
+        return False
+    if meaning.table.source.presets:
+        meaning.notes.append(
+            f"{x!r} and {y!r} up to {max(sizes):.0f} m count from the origin of a grid: its north may be 3 degrees "
+            "beside the true one; latitudes and longitudes are not known"
+        )
+        return False
+    meaning.add_question(
+        f"{x!r} and {y!r} up to {max(sizes):.0f} m are of a grid, whose zone is not known",
+        f"--column x='{x}*utm33n' (or utm56s, EPSG:32633), --column x='{x}*m' keeps the grid's x and y",
+    )
+    return True
+
+
+def _find_positions_in_utm_grid(meaning: Meaning, x: str, y: str, grid: tuple[int, bool]) -> None:
+    """Take x and y of a zone of UTM as latitudes and longitudes."""
+    places = geographic_of_utm_deg(meaning.numbers_in_file_unit(x), meaning.numbers_in_file_unit(y), *grid)
+    for quantity, column, values in zip(("latitude", "longitude"), (y, x), places, strict=True):
+        meaning.values[quantity] = values
+        axis = "y" if quantity == "latitude" else "x"
+        meaning.guesses.append(Guess(axis, column, *meaning.stated_unit("x", x)))
+    if not np.isfinite(places[0] + places[1]).any():
+        raise DataError("no row has a position", where=meaning.name)
+    meaning.notes.append("angles beside the grid are taken as from true north")
+    meaning.track = spans_of_geographic_places(meaning.stamp_ns, *places)
+    _find_altitude(meaning)
 
 
 def _may_be_vectors_not_path(meaning: Meaning, x_column: str, y_column: str) -> bool:

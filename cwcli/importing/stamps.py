@@ -20,6 +20,7 @@ from cwcli.importing.times import (
     TimeBaseOfNumbers,
     can_be_gps_seconds,
     count_midnights_before_each_row,
+    is_clock_of_twelve_hours,
     is_each_date_next_day,
     ns_and_validity_of_text_times,
     parse_start_ns,
@@ -27,6 +28,7 @@ from cwcli.importing.times import (
     require_known_zone,
     time_base_of_numbers,
     utc_ns_from_gps_seconds,
+    with_day_halves,
 )
 from cwcli.importing.units import find_unit
 from cwcli.lazy_dataclass import dataclass
@@ -36,6 +38,8 @@ from cwcli.text import format_count
 
 MAX_DIFFERENCE_CHANGE_OF_SAME_CLOCK_S = 0.1
 """Largest change in s of the difference of two columns of time that count as the same clock. Chosen by hand."""
+HALF_DAY_S, MAX_DIFFERENCE_OF_HALF_A_DAY_S = 43_200, 60
+"""Half a day in s, and the difference from it below which two clocks may be of 12 and of 24 hours. Chosen by hand."""
 MAX_SHARE_OF_ROWS_BACK_IN_TIME = 0.2
 """Largest share of rows that are earlier than the row before; they are sorted, and more is an error. Chosen by hand."""
 MAX_SHARE_OF_REPEATED_STAMPS = 0.5
@@ -135,10 +139,11 @@ def interpret_times_of_table(table: LoadedTable, answers: Answers) -> Meaning:
         best = _prefer_candidate_without_question(candidates, best)
         rivals = [each for each in candidates if each.rank == best.rank and each is not best and each.question is None]
         for rival in rivals:
-            if not _do_both_times_advance_together(best, rival):
+            if not _do_both_times_advance_together(best, rival) or _are_half_a_day_apart(best, rival):
                 raise Question(
                     where,
-                    f"{best.column!r} and {rival.column!r} can each be the time, and do not advance together",
+                    f"{best.column!r} and {rival.column!r} can each be the time, and do not advance together, or are "
+                    "half a day apart",
                     f"--column time='{best.column}' or --column time='{rival.column}'",
                 ).as_error()
     if best.question is not None:
@@ -188,7 +193,7 @@ def _candidates_with_time_or_question(candidates: list[TimeCandidate]) -> list[T
 def _time_candidate_of_column(table: LoadedTable, column: str, answers: Answers) -> TimeCandidate | None:
     words = split_name(column).words
     if column in table.text_times:
-        times = table.text_times[column]
+        times = _with_halves_of_other_column(table, table.text_times[column])
         if not times.has_date:
             return _time_of_day_candidate(table, column, times, answers)
         if not times.has_clock and not _has_date_and_clock(times):
@@ -201,6 +206,23 @@ def _time_candidate_of_column(table: LoadedTable, column: str, answers: Answers)
     return _number_time_candidate(table, column, table.instants[column], answers)
 
 
+def _with_halves_of_other_column(table: LoadedTable, times: TextTimes) -> TextTimes:
+    """Return times of 24 hours where another column says AM or PM of every one."""
+    for column in table.candidates.get("day_half", ()) if times.has_clock else ():
+        codes, names = table.codes.get(column, (None, ()))
+        if codes is not None and names and all(name.upper().strip(".")[:1] in {"A", "P"} for name in names):
+            return with_day_halves(times, [names[code] for code in codes.tolist()])
+    return times
+
+
+def _question_of_twelve_hours_or_none(where: str, column: str, times: TextTimes) -> Question | None:
+    """Return the question about a clock that shows 1 again behind 12."""
+    if not is_clock_of_twelve_hours(times):
+        return None
+    what = f"{column!r} is a clock of 12 hours, and nothing says AM or PM"
+    return Question(where, what, "write 13:05:00 or 01:05:00 PM, or name another column with --column time=NAME")
+
+
 def _has_date_and_clock(times: TextTimes) -> bool:
     return bool(np.isfinite(times.offset_s[times.valid]).any())
 
@@ -209,11 +231,11 @@ def _text_date_candidate(
     table: LoadedTable, column: str, times: TextTimes, answers: Answers, header_words: tuple[str, ...]
 ) -> TimeCandidate:
     where = table.source.name
-    question = None
+    question = _question_of_twelve_hours_or_none(where, column, times)
     order, why = _date_order_and_reason(times, answers)
     if not order:
         choices = possible_date_orders(times) or ["dmy", "mdy"]
-        question = Question(
+        question = question or Question(
             where,
             f"{column!r}: the order of day and month, and of the year, is not known",
             " or ".join(f"--date-order {each}" for each in choices),
@@ -265,7 +287,7 @@ def _date_column_with_clock_column_candidate(
     )
     if clock is None:
         return None
-    other = _with_parts_of_second(table, table.text_times[clock])
+    other = _with_halves_of_other_column(table, _with_parts_of_second(table, table.text_times[clock]))
     date_and_clock = TextTimes(times.parts, other.ns_of_day, other.offset_s, times.valid & other.valid, times.mark)
     n_midnights = _midnights_that_date_ignores(date_and_clock)
     words = (*split_name(column).words, *split_name(clock).words, split_name(clock).unit_text.lower())
@@ -321,6 +343,7 @@ def _date_parts_candidate(table: LoadedTable, answers: Answers) -> TimeCandidate
             names.append(name)
     n = len(valid)
     times = TextTimes(whole[:, :3].astype(np.int64), ns_of_day, np.full(n, np.nan), valid, "")
+    times = _with_halves_of_other_column(table, times)
     words = tuple(word for name in names for word in split_name(name).words)
     return _text_date_candidate(table, names[0], times, answers, words)
 
@@ -328,7 +351,7 @@ def _date_parts_candidate(table: LoadedTable, answers: Answers) -> TimeCandidate
 def _time_of_day_candidate(table: LoadedTable, column: str, times: TextTimes, answers: Answers) -> TimeCandidate | None:
     if any(other.has_date and not other.has_clock for other in table.text_times.values()):
         return None  # the column of dates takes it
-    question = None
+    question = _question_of_twelve_hours_or_none(table.source.name, column, times)
     if not times.has_seconds:
         what = f"{column!r}: times such as 12:05 can be minutes and seconds, or hours and minutes"
         question = Question(table.source.name, what, "--column time=NAME names another column, or write 00:12:05")
@@ -443,6 +466,15 @@ def _do_both_times_advance_together(first: TimeCandidate, second: TimeCandidate)
         return True
     difference = (first.stamp_ns[both] - second.stamp_ns[both]) / NS_PER_S
     return float(np.ptp(difference)) <= MAX_DIFFERENCE_CHANGE_OF_SAME_CLOCK_S
+
+
+def _are_half_a_day_apart(first: TimeCandidate, second: TimeCandidate) -> bool:
+    """Tell whether one of two clocks shows 12 hours more: it may be one of 24 hours, and the other of 12."""
+    both = first.valid & second.valid
+    if not both.any():
+        return False
+    apart_s = abs(float(np.median(first.stamp_ns[both] - second.stamp_ns[both]))) / NS_PER_S
+    return abs(apart_s - HALF_DAY_S) < MAX_DIFFERENCE_OF_HALF_A_DAY_S
 
 
 def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidate) -> Meaning:

@@ -7,6 +7,7 @@ tells, are questions.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -40,6 +41,8 @@ MIN_LIKELY_ROW_RATE_HZ, MAX_LIKELY_ROW_RATE_HZ = 0.5, 2500.0
 """Least and greatest rate of rows, Hz, of sensors of cars; other rates show that the unit of the time is another one.
 Chosen by hand."""
 
+NS_PER_HOUR = 3600 * NS_PER_S
+"""Nanoseconds of an hour."""
 MIN_HHMMSS_STEP_TO_NEXT_MINUTE = 40
 """Least step of a time of day written as hhmmss to the next minute: from 59 to 100."""
 MIN_SHARE_OF_YEAR_MONTH_DAY_DATES = 0.9
@@ -297,6 +300,27 @@ def possible_date_orders(times: TextTimes) -> list[str]:
     if len(parts) and (parts[:, 2] >= 1000).all():
         orders = [name for name in orders if name != "ymd"]
     return orders
+
+
+def with_day_halves(times: TextTimes, halves: Sequence[str]) -> TextTimes:
+    """Return times of twelve hours with a text AM or PM each (n) as those of 24 hours; other texts change nothing."""
+    letters = np.array([half.upper()[:1] for half in halves], dtype=object)
+    hour = times.ns_of_day // NS_PER_HOUR
+    is_late, is_early = (letters == "P") & (hour < 12), (letters == "A") & (hour == 12)
+    shift_ns = np.where(is_late, 12, np.where(is_early, -12, 0)) * NS_PER_HOUR
+    return replace(times, ns_of_day=times.ns_of_day + shift_ns)
+
+
+def is_clock_of_twelve_hours(times: TextTimes) -> bool:
+    """Tell whether a clock shows 1 to 12 only, and 1 follows 12, or the day changes from 11 to 12."""
+    hours = (times.ns_of_day // NS_PER_HOUR)[times.valid]
+    if len(hours) < 2 or hours.min() < 1 or hours.max() > 12:
+        return False
+    parts = times.parts[times.valid]
+    is_same_day = (parts[1:] == parts[:-1]).all(axis=1)
+    begins_again = (hours[:-1] == 12) & (hours[1:] == 1) & is_same_day
+    changes_day_at_twelve = (hours[:-1] == 11) & (hours[1:] == 12) & ~is_same_day
+    return bool((begins_again | changes_day_at_twelve).any())
 
 
 def is_each_date_next_day(times: TextTimes, order: str) -> bool:

@@ -45,12 +45,14 @@ class TextLayout:
         names: Names of the columns, each once.
         units: Column -> unit, from a line of units.
         n_head_lines: Lines before the first row.
+        has_lines_in_cells: Whether texts in quotes go on in the next line.
     """
 
     separator: str
     names: tuple[str, ...]
     units: dict[str, str]
     n_head_lines: int
+    has_lines_in_cells: bool = False
 
 
 def read_delimited_table(
@@ -87,7 +89,9 @@ def find_separator_names_and_units(head: TextHead, where: str) -> TextLayout:
         AmbiguousError: There is no line of names.
         DataError: No separator divides the lines alike.
     """
-    numbered = [(k, line) for k, line in enumerate(head.lines[:N_START_LINES_SHOWING_LAYOUT]) if line.strip()]
+    numbered = _join_quoted_lines(
+        [(k, line) for k, line in enumerate(head.lines[:N_START_LINES_SHOWING_LAYOUT]) if line.strip()]
+    )
     if not numbered:
         raise InputError("it is empty", where=where)
     if re.fullmatch(r"sep=.", numbered[0][1].strip(), re.IGNORECASE):
@@ -115,6 +119,26 @@ def find_separator_names_and_units(head: TextHead, where: str) -> TextLayout:
         )
     _, n_cells, separator = best
     return _layout_with_separator(separator, n_cells, numbered, where)
+
+
+def _join_quoted_lines(numbered: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines with the next ones behind those that end within quotes; each has the number of its last line.
+
+    A quote that is not closed within a few lines is a mark of inches or seconds: its line stays as it is.
+    """
+    found: list[tuple[int, str]] = []
+    at = 0
+    while at < len(numbered):
+        text = numbered[at][1]
+        n_more = 0
+        while text.count('"') % 2 and n_more < MAX_LINES_IN_QUOTED_CELL and at + n_more + 1 < len(numbered):
+            n_more += 1
+            text += "\n" + numbered[at + n_more][1]
+        if text.count('"') % 2 or not re.search(r'(^|[,;\t|])"', text):
+            n_more, text = 0, numbered[at][1]
+        found.append((numbered[at + n_more][0], text))
+        at += n_more + 1
+    return found
 
 
 def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tuple[int, str]], where: str) -> TextLayout:
@@ -159,7 +183,7 @@ def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tupl
             last = k
     if last == rows[-1][0]:
         raise InputError("it has a line of names and no rows", where=where)
-    return TextLayout(separator, unique, units, last + 1)
+    return TextLayout(separator, unique, units, last + 1, any("\n" in line for _, line in numbered))
 
 
 def _plain_line_of_names_or(at: int, rows: Sequence[tuple[int, list[str]]], n_cells: int) -> int:
@@ -172,7 +196,7 @@ def _split_line_into_cells(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.lstrip("#% ").split()
     try:
-        cells = next(csv.reader([line], delimiter=separator), [])
+        cells = next(csv.reader(line.splitlines(keepends=True), delimiter=separator), [])
     except csv.Error:
         return []
     return [cell.strip() for cell in cells]
@@ -262,7 +286,9 @@ def iter_text_rows(
                     use_threads=False,
                 ),
                 parse_options=arrow_csv.ParseOptions(
-                    delimiter=layout.separator.replace(" ", "\t"), invalid_row_handler=count_and_skip_row
+                    delimiter=layout.separator.replace(" ", "\t"),
+                    newlines_in_values=layout.has_lines_in_cells,
+                    invalid_row_handler=count_and_skip_row,
                 ),
                 convert_options=arrow_csv.ConvertOptions(
                     column_types=dict.fromkeys(layout.names, pa.string()),

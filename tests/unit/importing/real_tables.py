@@ -708,7 +708,7 @@ def waypoints(folder: Path) -> list[Path]:
     return write(folder, "waypoints.csv", "x,y,z,yaw,velocity", rows_of([show(each, 3, ALL) for each in (R.x_m, R.y_m, R.z_m, R.heading_rad, R.speed_mps)]))
 
 
-@real("pose pose_heading", pose_heading=4.0)
+@real(asks="grid")
 def utm(folder: Path) -> list[Path]:
     x, y = 324000 + R.x_m, 6_247_000 + R.y_m
     return write(folder, "utm.csv", "timestamp,easting,northing,elevation", rows_of([times("%Y-%m-%dT%H:%M:%SZ"), show(x, 3), show(y, 3), HEIGHT]))
