@@ -47,8 +47,8 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     lines = []
     n_idle = len(result.trials) - len(driven)
     if n_idle or ("log" in result.settings and clause.n_required > 1):
-        asked = f"{clause.n_required} of {clause.n_repetitions} repetitions" if clause.n_required > 1 else "each"
-        lines.append(f"one trial of one log: the clause asks for {asked} of its {len(result.trials)} trials")
+        demand_text = f"{clause.n_required} of {clause.n_repetitions} repetitions" if clause.n_required > 1 else "each"
+        lines.append(f"one trial of one log: the clause asks for {demand_text} of its {len(result.trials)} trials")
     trial = result.worst_trial
     repetition = None if trial is None else trial.worst_repetition
     if trial is not None and trial.outcome == FAILED and repetition is not None and repetition.verdict is not None:

@@ -24,7 +24,7 @@ from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 DEMANDS = ("impact_speed", "r157")
 """Names of the numbers that it asks for."""
 USES_POLICY = True
-"""Whether its verdict depends on how the warned car brakes."""
+"""True says that its verdict depends on how the warned car brakes."""
 WARNING_SEARCH_TIME_BEFORE_CONTACT_S = 8.0
 """Time before the contact from which on the latest warning is sought, s. Chosen by hand: no car needs longer."""
 COARSE_STEP_S, SEARCH_STEP_S = 0.4, 0.02

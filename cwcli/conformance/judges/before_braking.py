@@ -22,7 +22,7 @@ from cwcli.signals.units import KMH_PER_MPS
 DEMANDS = ("lead_time", "deceleration", "impact_speed")
 """Names of the numbers that it asks for."""
 USES_POLICY = True
-"""Whether its verdict depends on how the warned car brakes."""
+"""True says that its verdict depends on how the warned car brakes."""
 
 
 def latest_braking_s(encounter: Encounter, deceleration_mps2: float, impact_mps: float) -> float:
