@@ -19,16 +19,31 @@ _KEY_PART_PATTERN = r"""(?:(?<![A-Za-z0-9_-])[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*
 _LONG_KEY_PATTERN = re.compile(rf"{_KEY_PART_PATTERN}(?:[ \t]*+\.[ \t]*+{_KEY_PART_PATTERN}){{{MAX_KEY_PARTS}}}")
 """Pattern of a dotted key with more than `MAX_KEY_PARTS` parts."""
 
+_STRING_COMMENT_OR_BRACKET = re.compile(r"""\"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|\#[^\n]*+|[\[\]{}]""")
+"""Pattern of a string of one line, a comment, or a bracket."""
+
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML document.
 
     Raises:
-        ValueError: It is no TOML, too long, or has a key of too many parts.
-        RecursionError: Its lists are nested too deep.
+        ValueError: It is no TOML, too long, nested too deeply, or has a key of too many parts.
     """
     if len(text) > MAX_TOML_FILE_CHARS:
         raise ValueError(f"it has more than {MAX_TOML_FILE_CHARS:,} characters")
     if any(line.count(".") >= MAX_KEY_PARTS and _LONG_KEY_PATTERN.search(line) for line in text.splitlines()):
         raise ValueError(f"a key has more than {MAX_KEY_PARTS} parts")
-    return tomllib.loads(text)
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(f"nested too deeply (at line {_line_of_deepest_bracket(text)})") from None
+
+
+def _line_of_deepest_bracket(text: str) -> int:
+    """Return the number of the line, from 1, with the bracket inside most others; strings and comments don't count."""
+    depth, deepest, at = 0, 0, 0
+    for found in _STRING_COMMENT_OR_BRACKET.finditer(text):
+        depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(found[0], 0)
+        if depth > deepest:
+            deepest, at = depth, found.start()
+    return text.count("\n", 0, at) + 1

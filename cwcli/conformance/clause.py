@@ -232,7 +232,7 @@ def load_clause(name_or_path: str) -> Clause:
         )
     try:
         document = parse_toml(text)
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise UsageError(f"not TOML: {error}", where=f"{name}{CLAUSE_SUFFIX}") from error
     return parse_clause(document, name)
 

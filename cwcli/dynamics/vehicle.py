@@ -111,7 +111,7 @@ def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = Non
     text, where = _read_vehicle_text_and_name(source)
     try:
         table = parse_toml(text)
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
+    except ValueError as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=where) from None
     vehicle = vehicle_from_table(table, where)
     return vehicle if load is None else vehicle.with_load(load)

@@ -216,7 +216,7 @@ def load_calibration(source: str | Path) -> Calibration:
         raise InputError(f"can't be read: {reason}", where=where) from None
     try:
         table = parse_toml(text)
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise UsageError(f"not TOML: {error}", where=where) from None
     return parse_calibration_table(table, where)
 

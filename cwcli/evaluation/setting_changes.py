@@ -95,7 +95,7 @@ def _read_constants(text: str) -> Any:
     """Return what the stages use of a calibration file; its text if it is no TOML."""
     try:
         return _select_constants(parse_toml(text))
-    except (ValueError, RecursionError):
+    except ValueError:
         return text
 
 

@@ -65,7 +65,7 @@ def read_mapping(path: str) -> Answers:
     """
     try:
         document = parse_toml(read_file(path, MAX_TOML_FILE_CHARS + 1).decode())
-    except (OSError, ValueError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or str(error)
         raise UsageError(f"the mapping can't be read: {said}", where=path) from error
     answers = document.pop("answers", {})

@@ -73,7 +73,7 @@ class RecordingContract:
             document = parse_toml(read_file(path).decode())
         except OSError as error:
             raise UsageError(f"can't read the contract: {error.strerror}", where=path) from error
-        except (ValueError, RecursionError) as error:
+        except ValueError as error:
             raise UsageError(f"the contract is not TOML: {error}", where=path) from error
         _check_known_keys(path, document, LOG_CONDITION_KEYS, "")
         roles, topics = document.pop("roles", []), document.pop("topics", {})

@@ -263,7 +263,7 @@ def read_net_description(path: Path) -> NetDescription:
     """
     try:
         table = parse_toml(_read_net_file(path).decode())
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
+    except ValueError as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=str(path)) from None
     reader = _DescriptionReader(path, table)
     kind = reader.read_choice("kind", tuple(DESCRIPTION_KEYS_BY_MODEL_KIND))

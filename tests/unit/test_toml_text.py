@@ -66,3 +66,9 @@ def test_every_command_that_reads_a_file_of_users_is_guarded(
     names: dict[str, Any] = {"LOG": str(log), "FILE": str(path), "OUT": str(tmp_path / "out.mcap")}
     assert run_command_line([names.get(each, each) for each in command]) == EXIT_USAGE
     assert f"a key has more than {MAX_KEY_PARTS} parts" in " ".join(capsys.readouterr().err.split())
+
+
+def test_deep_nesting_is_told_with_its_line() -> None:
+    text = 'a = 1 # [[[\nb = "[[["\nc = ' + "[" * 5000 + "]" * 5000 + "\n"
+    with pytest.raises(ValueError, match=r"nested too deeply \(at line 3\)"):
+        parse_toml(text)

@@ -118,7 +118,7 @@ def _load_toml(path: str) -> dict[str, Any]:
         return parse_toml(read_file(path).decode())
     except OSError as error:
         raise UsageError(f"can't read the configuration: {error.strerror}", where=path) from error
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors
+    except ValueError as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors
         raise UsageError(f"the configuration is not TOML: {error}", where=path) from error
 
 

@@ -81,7 +81,9 @@ def _iter_with_errors_as_input_errors(content: Iterator[Content], name: str, rea
             raise
         except Exception as error:  # damaged bytes make the library raise whatever its parsers do
             reason = " ".join(str(error).split()) or type(error).__name__
-            if reason == "interrupted":  # SQLite, by its bound of steps
+            if isinstance(error, RecursionError):
+                reason = "a definition of its message types is nested too deeply"
+            elif reason == "interrupted":  # SQLite, by its bound of steps
                 reason = "its tables take more steps than a file of its size can need"
             raise InputError(f"{reader} can't read it: {reason[:200]}", where=name) from error
         yield item
