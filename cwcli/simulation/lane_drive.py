@@ -88,7 +88,7 @@ class LaneDriveTruth:
         station_m, offset_m, heading_rad: In the lane, of the centre of gravity; offset left positive.
         x_m, y_m, yaw_rad: Map frame.
         left_gap_m, right_gap_m: From the outside of the nearer front tyre to the boundary; negative beyond it.
-        approach_mps: Lateral speed of the front axle in the lane, left positive.
+        approach_mps: Speed of the front axle across the lane, left positive; in a bend the lane turns under it, too.
     """
 
     time_s: FloatArray
@@ -212,5 +212,5 @@ def _build_lane_drive_truth(
         yaw_rad=along + heading,
         left_gap_m=0.5 * road.lane_width_m - (at_front + half),
         right_gap_m=0.5 * road.lane_width_m + (at_front - half),
-        approach_mps=speed * np.sin(heading) + (lateral + vehicle.front_axle_m * yaw_rate) * np.cos(heading),
+        approach_mps=np.gradient(at_front, INTEGRATION_STEP_S, axis=0),
     )

@@ -9,6 +9,7 @@ import pytest
 
 from cwcli.conformance.clause import load_clause
 from cwcli.conformance.encounter import Encounter, time_to_close_gap_s
+from cwcli.conformance.lane_trials import simulate_lane_trial
 from cwcli.conformance.online import build_trial_scenario, true_encounter
 from cwcli.conformance.scenes import LANE_WIDTH_M, SCENES, build_radar_return
 from cwcli.errors import UsageError
@@ -137,6 +138,30 @@ def test_the_curves_with_a_parked_car_begin_before_every_warning_of_a_standing_c
         # the curvature is built up in half a second, which delays the curve by a quarter
         assert at(encounter, encounter.ttc_s, 7.0 + 0.25) == pytest.approx(ttc_s, abs=ATOL_S)
         assert ttc_s > 0.8 + speed / (2.0 * 4.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "places"), [("un-r130", (0, 3, 4, 7)), ("iso-17361", (4, 7, 8, 9, 10, 11))], ids=["un-r130", "iso-17361"]
+)
+def test_a_drift_crosses_the_line_at_the_rate_that_the_clause_asks_for(name: str, places: tuple[int, ...]) -> None:
+    """The rate is the slope of the distance between tyre and line over 0.1 s, not the simulation's own speed."""
+    for k in places:
+        trial = load_clause(name).trials[k]
+        for seed in (1, 7):
+            drift = simulate_lane_trial(trial.given, seed).drift
+            rate, slope = trial.given["drift_rate"], -np.gradient(drift.tyre_gap_m, drift.time_s)
+            assert drift.other_id == ("left boundary" if rate > 0.0 else "right boundary")
+            gap_m = np.interp(drift.contact_s + np.array([-0.05, 0.05]), drift.time_s, drift.tyre_gap_m)
+            assert -np.diff(gap_m)[0] / 0.1 == pytest.approx(abs(rate), abs=0.025), trial.name
+            near = (np.abs(drift.tyre_gap_m) < 0.3) & (drift.time_s > 3.0)
+            assert slope[near] == pytest.approx(abs(rate), abs=0.11), trial.name
+            assert drift.tyre_gap_m.min() < -0.3
+
+
+@pytest.mark.parametrize(("rate", "words"), [(3.0, "no driver leaves the lane steadily"), (0.01, "takes too long")])
+def test_a_drift_that_nobody_drives_is_refused(rate: float, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        simulate_lane_trial({"host_speed": 30.0, "drift_rate": rate}, 0)
 
 
 def test_a_radar_return_is_an_approach_to_what_sends_no_messages() -> None:
