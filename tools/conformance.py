@@ -21,7 +21,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "conformance.md"
 RULES = (DEFAULT_RULE, "song2016", "ttc", "path-ttc")
 LANE_SCENE = "lane-drift"
 LANE_COLUMN = "lane departure"
-COLUMNS = ("clause", *RULES, LANE_COLUMN)
+COLUMNS = ("clause", "numbers", "runs", *RULES, LANE_COLUMN)
 
 
 def clause_block(results: dict[str, list[ClauseResult]]) -> str:
@@ -31,7 +31,9 @@ def clause_block(results: dict[str, list[ClauseResult]]) -> str:
         clause = of_rules[0].clause
         cells = [_cell(result) for result in of_rules]
         is_of_lanes = all(trial.scene == LANE_SCENE for trial in clause.trials)
-        rows.append((clause.name, *(["-"] * len(RULES) + cells[:1] if is_of_lanes else [*cells, "-"])))
+        of_all = ["-"] * len(RULES) + cells[:1] if is_of_lanes else [*cells, "-"]
+        basis = clause.basis_text.removeprefix("numbers ")
+        rows.append((clause.name, basis, str(of_rules[0].n_repetitions), *of_all))
     failures = [
         (result.clause.name, trial.trial.name, trial.margin_text, trial.worst_repetition.verdict.text)
         for result in results[DEFAULT_RULE]

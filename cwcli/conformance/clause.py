@@ -17,6 +17,7 @@ from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
+from cwcli.text import format_count
 from cwcli.toml_text import parse_toml
 
 SI_PER_UNIT = {
@@ -78,6 +79,8 @@ TEXT_BY_BASIS = {
 }
 """Basis of a number -> its words in the output: it was read in its source, it is commonly stated but was not checked
 there, or it is a choice of this project that the source leaves open."""
+NUMBERS_AS_PUBLISHED_TEXT = "numbers as published"
+"""Words of every output about the clauses: their numbers are the published ones, and nothing is certified."""
 MEANING_BY_TTC_DEFINITION = {
     "constant velocities": "gap over closing speed",
     "constant accelerations": "time until the gap is closed at the present accelerations",
@@ -112,7 +115,7 @@ class PublishedNumber:
     Attributes:
         values: As printed, in `unit`.
         unit: A key of `SI_PER_UNIT`.
-        source, page: Where it is printed; the page or section, "" where the notes have none.
+        source, page: Where it is printed; the page or section, "" where it is not known.
         basis: A key of `TEXT_BY_BASIS`.
         ttc: A key of `MEANING_BY_TTC_DEFINITION`: how the source defines the time to collision that the number is.
     """
@@ -129,6 +132,11 @@ class PublishedNumber:
     def values_in_si_units(self) -> tuple[float, ...]:
         """The values in SI units."""
         return tuple(value * SI_PER_UNIT[self.unit] for value in self.values)
+
+    @property
+    def page_text(self) -> str:
+        """The page or section; of a number that is chosen here there is none."""
+        return self.page or ("" if self.basis == "own" else "not known")
 
     @property
     def text(self) -> str:
@@ -197,9 +205,27 @@ class Clause:
         """Number of numbers that were not checked in their source."""
         return sum(number.basis == "memory" for number in (*self.numbers.values(), *self.tolerances.values()))
 
+    @property
+    def basis_text(self) -> str:
+        """What the numbers of the trials are, in a few words: published ones only if one was read in its source."""
+        bases = {number.basis for number in self.numbers.values()}
+        if "read" in bases:
+            return NUMBERS_AS_PUBLISHED_TEXT
+        return "numbers as commonly stated" if "memory" in bases else "numbers chosen here"
+
+    @property
+    def unchecked_text(self) -> str:
+        """How many numbers were not checked in their source, in words; "" if all were."""
+        return format_unchecked_numbers(self.n_unchecked_numbers)
+
     def tolerance(self, name: str) -> float | None:
         """A tolerance in SI units; None where the clause has none."""
         return self.tolerances[name].values_in_si_units[0] if name in self.tolerances else None
+
+
+def format_unchecked_numbers(n: int) -> str:
+    """Format how many numbers were not checked in their source; "" for none."""
+    return f"{format_count(n, 'number')} as commonly stated, not checked in the standard" if n else ""
 
 
 def clause_names() -> tuple[str, ...]:

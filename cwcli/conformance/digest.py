@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from cwcli.conformance.clause import NUMBERS_AS_PUBLISHED_TEXT, format_unchecked_numbers
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult
 from cwcli.text import format_count
 
@@ -15,8 +16,6 @@ NAME_COLUMN_WIDTH_CHARACTERS = 40
 """Width of the column of names, characters."""
 KEPT_NAME_END_CHARACTERS = 22
 """Width of the end of a long name that is kept, characters."""
-NUMBERS_AS_PUBLISHED_TEXT = "numbers as published"
-"""Words of every output about the clauses: their numbers are the published ones, and nothing is certified."""
 _DIGEST_RANK_BY_OUTCOME = {FAILED: 0, NOT_VALID: 1, PASSED: 2, NOT_JUDGED: 3}
 """Outcome -> its place in the digest: what needs attention comes first."""
 
@@ -33,9 +32,10 @@ def format_digest(results: Sequence[ClauseResult]) -> list[str]:
         if any(result.outcome == outcome for result in results)
     )
     heading = f"{format_count(len(results), 'clause')}: {counts} ({NUMBERS_AS_PUBLISHED_TEXT})"
-    return _cut_to_digest_size(
-        [heading, *_format_rows(rows, MAX_DIGEST_LINES - 2, "clauses")], "`cwcli conform NAME` shows the trials"
-    )
+    unchecked = format_unchecked_numbers(sum(result.clause.n_unchecked_numbers for result in results))
+    lines = [unchecked] if unchecked else []
+    table = _format_rows(rows, MAX_DIGEST_LINES - 2 - len(lines), "clauses")
+    return _cut_to_digest_size([heading, *table, *lines], "`cwcli conform NAME` shows the trials")
 
 
 def _digest_of_clause(result: ClauseResult) -> list[str]:
@@ -56,14 +56,12 @@ def _digest_of_clause(result: ClauseResult) -> list[str]:
     invalid = next((each for trial in driven for each in trial.repetitions if each.breaches), None)
     if invalid is not None:
         lines.append(f"not valid: {invalid.breaches[0]}")
-    if clause.n_unchecked_numbers:
-        lines.append(
-            f"{format_count(clause.n_unchecked_numbers, 'number')} as commonly stated, not checked in the standard"
-        )
+    if clause.unchecked_text:
+        lines.append(clause.unchecked_text)
     lines += result.notes
-    heading = f"{clause.name}: {result.outcome} ({NUMBERS_AS_PUBLISHED_TEXT}; {settings})"
+    heading = f"{clause.name}: {result.outcome} ({clause.basis_text}; {settings})"
     if len(heading) > MAX_DIGEST_LINE_CHARACTERS:
-        heading = f"{clause.name}: {result.outcome} ({NUMBERS_AS_PUBLISHED_TEXT})"
+        heading = f"{clause.name}: {result.outcome} ({clause.basis_text})"
         lines.append(settings)
     table = _format_rows(rows, MAX_DIGEST_LINES - 2 - len(lines), "trials")
     return _cut_to_digest_size([heading, *table, *lines], "--details shows repetitions, numbers and sources")

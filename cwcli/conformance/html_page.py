@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from html import escape
 
-from cwcli.conformance.digest import NUMBERS_AS_PUBLISHED_TEXT
+from cwcli.conformance.clause import NUMBERS_AS_PUBLISHED_TEXT
 from cwcli.conformance.page import CLAUSE_COLUMNS, clause_rows, detail_tables
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult, TrialResult
 from cwcli.pipeline.result import SummaryTable
@@ -68,7 +68,8 @@ def _clause_section(result: ClauseResult) -> str:
     parts = [
         f'<h2 id="{escape(clause.name)}">{_outcome_badge_html(result.outcome)} {escape(clause.title)}</h2>',
         f"<p>{result.passed_text} trials pass. Source: {escape(clause.source)}. "
-        f"{escape(settings)}; repetitions of each trial: {result.n_repetitions}.</p>",
+        f"{escape(clause.basis_text)}. {escape(settings)}; repetitions of each trial: {result.n_repetitions}. "
+        f"{clause.unchecked_text}</p>",
         f"<p>How the numbers are read: {escape(clause.reading)}</p>" if clause.reading else "",
         _margin_picture(result.trials_with_repetitions),
     ]

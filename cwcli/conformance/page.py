@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
 from cwcli.conformance.clause import MEANING_BY_TTC_DEFINITION, TEXT_BY_BASIS, Clause
-from cwcli.conformance.digest import NUMBERS_AS_PUBLISHED_TEXT
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.text import format_count
@@ -63,7 +62,7 @@ def published_numbers_table(clause: Clause) -> SummaryTable:
             number.text,
             TEXT_BY_BASIS[number.basis],
             number.source,
-            number.page,
+            number.page_text,
             MEANING_BY_TTC_DEFINITION[number.ttc] if number.ttc else "",
         )
         for name, number in named
@@ -101,9 +100,11 @@ def format_markdown(results: Sequence[ClauseResult]) -> str:
         settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())
         lines += [
             f"\n## {clause.name}\n",
-            f"{clause.title}. Source: {clause.source}; {NUMBERS_AS_PUBLISHED_TEXT}. {settings}; "
+            f"{clause.title}. Source: {clause.source}; {clause.basis_text}. {settings}; "
             f"{format_count(result.n_repetitions, 'repetition')} of each trial.",
         ]
+        if clause.unchecked_text:
+            lines += ["", f"{clause.unchecked_text}."]
         if clause.reading:
             lines += ["", f"How the numbers are read: {clause.reading}"]
         lines += ["", trials_table(result).to_markdown()]
@@ -126,6 +127,9 @@ def format_junit(results: Sequence[ClauseResult]) -> bytes:
             "time": "0",
         }
         suite = ET.SubElement(root, "testsuite", {"name": result.clause.name, **counts})
+        properties = ET.SubElement(suite, "properties")
+        basis = "; ".join(filter(None, (result.clause.basis_text, result.clause.unchecked_text)))
+        ET.SubElement(properties, "property", name="numbers", value=basis)
         for trial in result.trials:
             case = ET.SubElement(suite, "testcase", classname=result.clause.name, name=trial.trial.name, time="0")
             text = f"{trial.passed_text} passed, at least {trial.n_required} must pass; {trial.worst_repetition_text}"

@@ -178,7 +178,7 @@ def _number_document(number: PublishedNumber) -> dict[str, Any]:
         "values": list(number.values),
         "unit": number.unit,
         "source": number.source,
-        "page": number.page,
+        "page": number.page_text,
         "basis": TEXT_BY_BASIS[number.basis],
         "ttc": number.ttc,
     }

@@ -56,6 +56,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import make_folder, refuse_unwritable_targets
 from cwcli.pipeline.selection import check_selection_options
+from cwcli.process_pool import count_available_processors
 from cwcli.url import display_name_of_url
 
 ReportTaskStatus = Callable[[LogTask | None, str, int, int], None]
@@ -263,13 +264,6 @@ def _iter_task_results(
     else:
         running = run_on_local_processes(to_read, plan, min(jobs or count_available_processors(), len(to_read)))
     yield from running
-
-
-def count_available_processors() -> int:
-    """The number of processors that this process may use."""
-    with suppress(AttributeError):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _refuse_inputs_in_output_folder(out: Path, tasks: Iterable[LogTask]) -> None:

@@ -53,8 +53,14 @@ class TrialOptions:
         ),
     ] = None
     jobs: Annotated[
-        int, typer.Option("--jobs", metavar="N", help="Number of processes; results don't depend on it.")
-    ] = 2
+        int | None,
+        typer.Option(
+            "--jobs",
+            metavar="N",
+            show_default="all processors",
+            help="Number of processes; results don't depend on it.",
+        ),
+    ] = None
     rule: Annotated[
         str, typer.Option("--rule", metavar="NAME", help="The warning rule that is judged, as in `cwcli warn`.")
     ] = "cwcli"
@@ -208,11 +214,13 @@ def _run_or_read_trials(
     from cwcli.conformance.cache import RepetitionCache
     from cwcli.conformance.clause import clause_names
     from cwcli.conformance.run import ConformConfig, run_clauses
+    from cwcli.process_pool import count_available_processors
 
     names = list(
         dict.fromkeys(each for name in clauses for each in (clause_names() if name == ALL_CLAUSES_NAME else (name,)))
     )
-    config = ConformConfig(trials.seeds, trials.jobs, trials.rule, trials.horizon, trials.policy, trials.grade)
+    jobs = count_available_processors() if trials.jobs is None else trials.jobs
+    config = ConformConfig(trials.seeds, jobs, trials.rule, trials.horizon, trials.policy, trials.grade)
     if recorded.log is None:
         for option, value in (
             ("--system", recorded.system),

@@ -12,8 +12,10 @@ from typing import Any
 import pytest
 
 from cwcli.conformance.clause import clause_names, load_clause, parse_clause
+from cwcli.conformance.page import published_numbers_table
 from cwcli.conformance.run import ConformConfig, run_clauses
 from cwcli.errors import UsageError
+from tools.conformance import COLUMNS, PAGE
 
 SOURCE_NUMBERS: dict[str, dict[str, tuple[tuple[float, ...], str]]] = {
     "nhtsa-fcw": {  # DOT HS 811 501
@@ -126,6 +128,37 @@ def test_what_is_not_checked_says_so_and_every_number_is_used(name: str) -> None
     used = {number for group in groups for number in group.values()}
     assert used == set(document(name)["numbers"])
     assert all(number.source for number in clause.numbers.values())
+
+
+def test_a_page_is_given_where_the_notes_have_one_and_else_it_is_not_known() -> None:
+    numbers = {(name, key): number for name in clause_names() for key, number in load_clause(name).numbers.items()}
+    found = {place: number.page for place, number in numbers.items() if number.page}
+    assert found == {("fmvss-127", "no-impact"): "S7, S8", ("un-r157-cut-in", "no-impact"): "5.2.5.2"}
+    assert numbers["nhtsa-fcw", "ttc-stopped"].page_text == "not known"
+    assert numbers["nhtsa-fcw", "brake-ramp"].page_text == ""
+    rows = {row[0]: row[4] for row in published_numbers_table(load_clause("nhtsa-fcw")).rows}
+    assert [rows[name] for name in ("ttc-stopped", "tolerance of gap", "brake-ramp")] == ["not known", "not known", ""]
+
+
+def test_numbers_are_called_published_only_if_one_was_read_in_its_source() -> None:
+    words = {name: load_clause(name).basis_text.removeprefix("numbers ") for name in clause_names()}
+    assert {name for name, text in words.items() if text == "as commonly stated"} == {"iso-17361", "un-r130"}
+    assert {name for name, text in words.items() if text == "chosen here"} == {"j2945-1"}
+    assert "definition of its TTC as commonly stated" in load_clause("nhtsa-fcw").numbers["ttc-decelerating"].source
+    assert load_clause("iso-15623").tolerances["gap"].basis == "own", "2 m are of the warning distance in the source"
+
+
+def test_the_published_table_has_every_clause_with_its_basis_and_as_many_trials_as_its_file() -> None:
+    block = PAGE.read_text(encoding="utf-8").partition("<!-- clauses -->")[2].partition("What the default fails")[0]
+    head, _, *rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in block.strip().splitlines()]
+    assert tuple(head) == COLUMNS
+    assert [row[0] for row in rows] == list(clause_names())
+    for row in rows:
+        clause = load_clause(row[0])
+        assert [f"numbers {row[1]}", row[2]] == [clause.basis_text, str(clause.n_repetitions)]
+        judged = [cell for cell in row[3:] if cell != "-"]
+        assert judged
+        assert all(f" of {len(clause.trials)}, " in cell for cell in judged), row[0]
 
 
 def test_the_trial_of_a_cut_in_has_the_criterion_s_time() -> None:

@@ -35,7 +35,9 @@ def test_all_clauses_fit_with_the_failed_ones_first() -> None:
     assert lines[0] == f"{len(results)} clauses: 1 fail, {len(results) - 1} pass (numbers as published)"
     assert lines[1].split() == ["clause", "outcome", "passed", "margin"]
     assert lines[2].split() == ["un-r152", "fail", "0", "of", "1", "-1.00", "s"]
-    assert "more clauses, 0 of which fail" in lines[-2]
+    assert "more clauses, 0 of which fail" in lines[-3]
+    n_unchecked = sum(load_clause(name).n_unchecked_numbers for name in clause_names())
+    assert lines[-2] == f"{n_unchecked} numbers as commonly stated, not checked in the standard"
 
 
 def test_a_grid_of_a_hundred_trials_fits_and_counts_what_is_left_out() -> None:
@@ -70,7 +72,13 @@ def test_documents_of_machines_hold_every_trial_and_no_infinite_number() -> None
     results = [result("nhtsa-fcw", [-0.1, math.nan, None])]
     suite = ET.fromstring(format_junit(results))[0]
     assert [suite.get(key) for key in ("tests", "failures", "skipped")] == ["3", "1", "1"]
-    assert "| lead vehicle stopped | fail | 0 of 1 | 1 | TTC 2.1 s |" in format_markdown(results)
+    words = "5 numbers as commonly stated, not checked in the standard"
+    assert suite[0][0].get("value") == f"numbers as published; {words}"
+    markdown = format_markdown(results)
+    assert f"\n\n{words}.\n\n" in markdown
+    assert "| lead vehicle stopped | fail | 0 of 1 | 1 | TTC 2.1 s |" in markdown
+    assert "numbers as commonly stated. " in format_markdown([result("un-r130", [0.5])])
+    assert format_digest([result("un-r130", [0.5])])[0].startswith("un-r130: pass (numbers as commonly stated; ")
     trials = results[0].to_json()["trials"]
     assert trials[1]["repetitions"][0]["margin"] is None
 
