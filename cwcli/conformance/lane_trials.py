@@ -35,6 +35,10 @@ SHARES_OF_RATE_STEERED_FOR = np.linspace(0.5, 1.1, 512)
 by hand."""
 SEEDS_OF_BATCH = 8
 """Number of seeds that share a batch of drives, each with its own drive. Chosen by hand."""
+MAX_DRAWS_OF_BATCH = 4
+"""Number of times a batch is drawn anew where not enough of its drives hold the rate. Chosen by hand."""
+MAX_BATCHES = 1000
+"""More than the number of batches of the most seeds that a trial can have."""
 MAX_DURATION_OF_DRIFT_S = 45.0
 """Longest drive with a drift, s. Chosen by hand: 0.05 m/s; all drives of a batch are kept in memory together."""
 RATE_TOLERANCE_AT_LINE_MPS = 0.02
@@ -148,14 +152,17 @@ def _simulate_steady_drifts(radius_m: float | None, speed: float, rate: float, b
     if duration_s > MAX_DURATION_OF_DRIFT_S:
         raise UsageError(f"a drift of {abs(rate):g} m/s takes too long", hint="take at least 0.05 m/s")
     runs = LaneRuns(np.full(len(drifts), speed), drifts, start_s, 0.0, duration_s)
-    truth = simulate_lane_runs(road, car, runs, seed=batch)
-    gap_m, rate_mps = _gap_and_rate(truth, rate)
-    error_mps = np.abs(rate_mps - abs(rate))
-    at_line_mps = error_mps[np.argmax(gap_m <= 0.0, axis=0), np.arange(len(drifts))]
-    worst_mps = np.where(np.abs(gap_m) <= STEADY_DRIFT_M, error_mps, 0.0).max(axis=0)
-    is_held = (at_line_mps <= RATE_TOLERANCE_AT_LINE_MPS) & (worst_mps <= RATE_TOLERANCE_NEAR_LINE_MPS)
-    is_held &= gap_m.min(axis=0) <= -STEADY_DRIFT_M
-    if np.count_nonzero(is_held) < SEEDS_OF_BATCH:
+    for draw in range(MAX_DRAWS_OF_BATCH):
+        truth = simulate_lane_runs(road, car, runs, seed=batch + MAX_BATCHES * draw)
+        gap_m, rate_mps = _gap_and_rate(truth, rate)
+        error_mps = np.abs(rate_mps - abs(rate))
+        at_line_mps = error_mps[np.argmax(gap_m <= 0.0, axis=0), np.arange(len(drifts))]
+        worst_mps = np.where(np.abs(gap_m) <= STEADY_DRIFT_M, error_mps, 0.0).max(axis=0)
+        is_held = (at_line_mps <= RATE_TOLERANCE_AT_LINE_MPS) & (worst_mps <= RATE_TOLERANCE_NEAR_LINE_MPS)
+        is_held &= gap_m.min(axis=0) <= -STEADY_DRIFT_M
+        if np.count_nonzero(is_held) >= SEEDS_OF_BATCH:
+            break
+    else:
         raise UsageError(
             f"no driver leaves the lane steadily at {abs(rate):g} m/s",
             found=(f"of {len(drifts)} drives {np.count_nonzero(is_held)} hold the rate; {SEEDS_OF_BATCH} are needed",),
