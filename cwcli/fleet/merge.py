@@ -282,13 +282,21 @@ def _refuse_other_content(target: Path, manifest: Document, names: set[str]) -> 
 
 
 def _merge_log_and_tell_if_new(source: LogOutputs, target: LogOutputs, entry: Document) -> bool:
-    """Bring one log's files into the merged folder, its entry last; return whether it was not there yet."""
+    """Bring one log's files into the merged folder, its entry last; return whether it was not there yet.
+
+    Raises:
+        InputError: A file of the shard has changed since the shards were checked.
+    """
     is_done = entry["status"] == "failed" or target.is_log_done_with_key(entry, str(entry.get("key")), has_tables=True)
     if target.read_entry() == entry and is_done:
         return False
     target.remove_all_outputs()
     for name in entry.get("outputs", []):
         _link_or_copy(source.out / name, target.out / name)
+    if entry["status"] == "done" and not target.is_log_done_with_key(entry, str(entry.get("key")), has_tables=True):
+        target.remove_all_outputs()
+        what = f"files of the log {source.id} changed while they were merged"
+        raise InputError(what, where=str(source.out), hint=RUN_AGAIN_HINT)
     make_folder(target.annotated_log_path.parent, parents=True)
     write_json_object(entry, target.entry_path)
     return True
