@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.conformance.clause import load_clause
+from cwcli.conformance.clause import clause_names, load_clause
 from cwcli.conformance.encounter import Encounter, time_to_close_gap_s
 from cwcli.conformance.lane_trials import simulate_lane_trial
 from cwcli.conformance.online import build_trial_scenario, true_encounter
-from cwcli.conformance.scenes import LANE_WIDTH_M, SCENES, build_radar_return
+from cwcli.conformance.scenes import APPROACH_START_TTC_S, LANE_WIDTH_M, SCENES, build_radar_return
 from cwcli.errors import UsageError
 from cwcli.simulation.drive import simulate_scenario
 
@@ -241,3 +241,28 @@ def test_the_time_to_close_a_gap_agrees_with_steps_of_a_millisecond() -> None:
 def test_an_impossible_trial_is_refused(scene: str, given: dict[str, float], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         drive(scene, **given)
+
+
+@pytest.mark.parametrize("name", clause_names())
+def test_every_approach_braking_lead_and_crossing_of_a_clause_has_its_closed_form(name: str) -> None:
+    for trial in load_clause(name).trials:
+        given = trial.given
+        if trial.scene not in ("approach", "braking-lead", "crossing"):
+            continue
+        encounter, speed = drive(trial.scene, **given), given["host_speed"]
+        if trial.scene == "approach":
+            contact_s = given.get("approach_time", APPROACH_START_TTC_S)
+            assert encounter.gap_m[0] == pytest.approx((speed - given.get("other_speed", 0.0)) * contact_s, abs=1e-6)
+            assert encounter.lateral_offset_m == pytest.approx(given.get("lateral_offset", 0.0), abs=1e-6)
+        elif trial.scene == "braking-lead":
+            decel, ramp, gap = given["deceleration"], given.get("ramp_time", 0.5), given["gap"]
+            ramp_m = decel * ramp**2 / 24
+            since_s = ramp / 2 + math.sqrt(2.0 * (gap - ramp_m) / decel)
+            if since_s > speed / decel + ramp / 2:  # the lead has stopped by then
+                since_s = (gap + speed**2 / (2.0 * decel) + speed * ramp / 2 - ramp_m) / speed
+            contact_s = 5.0 + since_s
+            assert encounter.gap_m[0] == pytest.approx(gap, abs=1e-6)
+        else:  # both outlines are over the crossing until the centres meet at 7 s
+            length_m, width_m = given.get("other_length", 4.5), given.get("other_width", 1.8)
+            contact_s = 7.0 - min((2.25 + width_m / 2) / speed, (0.9 + length_m / 2) / given["other_speed"])
+        assert encounter.contact_s == pytest.approx(contact_s, abs=0.02), trial.name
