@@ -92,33 +92,22 @@ def probability_features_of_left_and_right(
 
 
 def boundary_probabilities(
-    evidence: StripeEvidence, lane: ImageLane, lane_objective: float, carried_side: int = -1
+    evidence: StripeEvidence, lane: ImageLane, lane_objective: float, carried_side: int = -1, *, vote_share: float = 1.0
 ) -> LeftRightProbabilities:
     """Probability of each boundary that it lies where the lane has it.
 
     Args:
+        vote_share: Share of the votes for the vanishing point, 0 to 1 (`vanishing.VanishingPoint`).
         carried_side: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
             objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
     coefficients: list[float] = BOUNDARY_LOG_ODDS_WEIGHTS.tolist()
+    by_votes = LOG_ODDS_PER_VOTE_SHARE * vote_share_shortfall(vote_share)
     left, right = (
         (1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE)
-        / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
+        / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)) + by_votes, -30.0), 30.0)))
         for each in probability_features_of_left_and_right(evidence, lane, lane_objective, carried_side)
     )
-    return left, right
-
-
-def lower_probabilities_if_vanishing_votes_scatter(
-    probabilities: LeftRightProbabilities, vote_share: float
-) -> LeftRightProbabilities:
-    """The probabilities of both boundaries in a scene whose straight edges hardly meet in one point.
-
-    Args:
-        vote_share: Share of the votes for the vanishing point, 0 to 1 (`vanishing.VanishingPoint`).
-    """
-    factor = math.exp(LOG_ODDS_PER_VOTE_SHARE * vote_share_shortfall(vote_share))
-    left, right = (factor * each / (1.0 - each + factor * each) for each in probabilities)
     return left, right
 
 

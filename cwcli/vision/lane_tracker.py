@@ -19,7 +19,6 @@ from cwcli.vision.boundary import NOT_FOUND, Boundary, replace_parabola_of_bound
 from cwcli.vision.boundary_probability import (
     boundary_probabilities,
     first_frame_boundary_probabilities,
-    lower_probabilities_if_vanishing_votes_scatter,
 )
 from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.ground import MIN_DEPTH_BELOW_HORIZON_SHARE
@@ -428,7 +427,9 @@ class LaneTracker:
         assert self._prior is not None
         assert self._evidence is not None
         first = best = self._hypotheses[0]
-        chances = boundary_probabilities(self._evidence, first.lane, first.last_value, first.carried_side)
+        chances = boundary_probabilities(
+            self._evidence, first.lane, first.last_value, first.carried_side, vote_share=self._scene_votes
+        )
         change = first.lane_change
         if len(self._hypotheses) > 1:
             is_seen = max(chances) >= MIN_FOUND_PROBABILITY
@@ -448,7 +449,9 @@ class LaneTracker:
             ]
             if better:
                 best = max(better, key=lambda each: each.value)
-                chances = boundary_probabilities(self._evidence, best.lane, best.last_value)
+                chances = boundary_probabilities(
+                    self._evidence, best.lane, best.last_value, vote_share=self._scene_votes
+                )
                 change = change or lane_change_between_left_1_right_minus_1(first.lane, best.lane)
                 other = shift_to_adjacent_lane(first.lane, change) if not first.lane_change else first.lane
                 self._odds = self._covariance = None
@@ -478,9 +481,7 @@ class LaneTracker:
             self._covariance = None
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         best, now, change = self._choose_published_hypothesis(camera, dt_s)
-        if self._first_frame_probabilities is None:
-            now = lower_probabilities_if_vanishing_votes_scatter(now, self._scene_votes)
-        else:
+        if self._first_frame_probabilities is not None:
             now, self._first_frame_probabilities = self._first_frame_probabilities, None
         odds = [min(max(math.log(chance / (1.0 - chance)), -MAX_FRAME_LOG_ODDS), MAX_FRAME_LOG_ODDS) for chance in now]
         if self._odds is not None:

@@ -63,6 +63,10 @@ def test_probability_by_hand() -> None:
     assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx(
         (1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE) / (1.0 + math.exp(-by_hand))
     )
+    for votes, off in ((0.6, 0.0), (0.33, 0.0), (0.33 - 1.0 / 22.0, 1.0), (0.0, 7.26)):
+        assert boundary_probabilities(seen, LANE, 0.4, vote_share=votes)[0] == pytest.approx(
+            (1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE) / (1.0 + math.exp(off - by_hand))
+        )
     features = probability_features_of_left_and_right(seen, LANE, -1e30)
     np.testing.assert_array_equal(np.array(features)[:, 2], math.log(0.02))
 

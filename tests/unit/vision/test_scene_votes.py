@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
 import pytest
 
 from cwcli.simulation.road.sets import render_set_frame
-from cwcli.vision.boundary_probability import lower_probabilities_if_vanishing_votes_scatter
 from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.lane_detect import search_first_frame_at_vanishing_points
 from cwcli.vision.lane_model import HORIZON, VANISHING, first_frame_prior
@@ -35,19 +32,6 @@ def test_a_picture_that_stands_on_its_head_has_no_lane() -> None:
         fits = [watched(turned(grey)) for grey in SCENES]
         found = sum(fit.left.found + fit.right.found for fit in fits)
         assert found == (2 * len(SCENES) if turned(SCENES[0]) is SCENES[0] else 0)
-
-
-@pytest.mark.parametrize(
-    ("votes", "expected"),
-    [
-        (0.6, (0.5, 0.9)),  # a road
-        (0.33, (0.5, 0.9)),
-        (0.33 - 1.0 / 22.0, (1.0 / (1.0 + math.e), 9.0 / (9.0 + math.e))),  # one off the log-odds
-        (0.0, (7.0e-4, 6.3e-3)),  # 7.26 off: exp(-7.26) = 7.0e-4, and 9 times as much
-    ],
-)
-def test_few_votes_take_the_probability_off(votes: float, expected: tuple[float, float]) -> None:
-    assert lower_probabilities_if_vanishing_votes_scatter((0.5, 0.9), votes) == pytest.approx(expected, rel=0.02)
 
 
 def test_a_lane_tells_which_of_several_vanishing_points_is_right() -> None:
