@@ -36,7 +36,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 import cwcli
-from cwcli.errors import EXIT_BAD_INPUT, EXIT_OUTPUT
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_OUTPUT, EXIT_USAGE
 from tests.unit.importing import files
 from tests.unit.logs_read.test_bags import bag, recording
 
@@ -456,7 +456,8 @@ def change(folder: Path, command: tuple[str, ...], known: Reference, rng: np.ran
     else:
         os.truncate(path, int(rng.integers(path.stat().st_size)))
     code, said = ended(process)
-    if code not in (0, EXIT_BAD_INPUT) or "Traceback" in said:
+    of_bad_input = EXIT_USAGE if path.suffix == ".toml" else EXIT_BAD_INPUT
+    if code not in (0, of_bad_input) or "Traceback" in said:
         raise Finding(f"it ended with {code}: {said}")
     other.unlink(missing_ok=True)
     if how == 2 and not code:  # the cut may have come before the reading, and some formats are whole after any line
