@@ -79,7 +79,8 @@ def imported(*folders: str, without: tuple[str, ...] = ()) -> set[str]:
     packages = {name: {*map(str.lower, found)} for name, found in packages_distributions().items()}
     files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
     files = [path for path in files if not any(path.is_relative_to(ROOT / folder) for folder in without)]
-    ours = {"cwcli", "tests", "tools", *(path.stem for path in files)} - {"can"}  # our file, and python-can's package
+    own = {name for path in files for name in (path.stem, path.parent.name)}
+    ours = {"cwcli", "tests", "tools", *own} - {"can"}  # our file, and python-can's package
     names = {name.partition(".")[0] for path in files for name in modules(path)} - ours - {*sys.stdlib_module_names}
     assert names
     return {one for name in names for one in packages.get(name, {NOT_INSTALLED.get(name, name)})}
