@@ -17,7 +17,7 @@ def count_available_processors() -> int:
 
 
 @contextmanager
-def process_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+def process_pool_killed_on_error(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Open a pool of processes, which are ended if the block is left by an error or an interruption."""
     pool = ProcessPoolExecutor(jobs)
     try:

@@ -57,7 +57,7 @@ def part_of_work(first: float, last: float, unit: str = "", expected: float = 1.
     Args:
         first, last: Share of the current work before and after it.
         unit: What the loop in it reports; "": it has parts of its own, or nothing to report.
-        expected: See `count_work`.
+        expected: See `count_and_show_finished_work`.
     """
     outer = _CURRENT_PART_OF_WORK.get()
     if outer is None:
@@ -79,7 +79,7 @@ def report_work(unit: str, done: float, total: float) -> None:
         part.show(part.share_of_whole(done / total))
 
 
-def count_work(unit: str) -> None:
+def count_and_show_finished_work(unit: str) -> None:
     """Report one more unit, of as many as the part expects."""
     part = _CURRENT_PART_OF_WORK.get()
     if part is not None and part.unit == unit:

@@ -39,7 +39,7 @@ from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, X, Y
 MAX_TRIAL_DISTANCE_IN_TOLERANCES = 4.0
 """A recorded drive is a trial of the clause if its speeds are within this many tolerances of the trial's. Chosen by
 hand: the trials of the clauses differ by more."""
-CONTINUED_MOTION_S = 12.0
+MOTION_CONTINUED_WITHOUT_REACTION_S = 12.0
 """Time, s, for which the host's motion is continued from its reaction on, as if it had not reacted. Chosen by
 hand: longer than every time to collision."""
 UNREACTED_MOTION_STEP_S = 0.02
@@ -273,7 +273,7 @@ def continue_without_reaction(encounter: Encounter, from_s: float) -> Encounter:
     """Return the encounter with both going on from a time: the host at its speed, the other at its acceleration."""
     keep = encounter.time_s <= from_s
     last = int(np.flatnonzero(keep)[-1])
-    n = int(CONTINUED_MOTION_S / UNREACTED_MOTION_STEP_S)
+    n = int(MOTION_CONTINUED_WITHOUT_REACTION_S / UNREACTED_MOTION_STEP_S)
     ahead_s: FloatArray = np.arange(1, n + 1, dtype=np.float64) * UNREACTED_MOTION_STEP_S
     host = _straight_motion_states(np.asarray(encounter.host[last]), ahead_s, 0.0)
     other = _straight_motion_states(

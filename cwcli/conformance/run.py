@@ -16,7 +16,7 @@ from cwcli.conformance.scenes import SCENES
 from cwcli.conformance.verdict import DrivenTrial, JudgedMotion, RaisedWarning, Verdict
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.process_pool import process_pool
+from cwcli.process_pool import process_pool_killed_on_error
 from cwcli.simulation.drive import simulate_scenario
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 
@@ -166,7 +166,7 @@ def _run_missing_seeds_of_trials(
         for (name, k), (seeds, rules) in missing.items():
             yield (name, k), _merge_by_rule(run_trial_with_rules(name, k, seeds, config, rules) if seeds else {})
         return
-    with process_pool(config.jobs) as pool:
+    with process_pool_killed_on_error(config.jobs) as pool:
         running = {
             (name, k): [
                 pool.submit(run_trial_with_rules, name, k, tuple(seeds[part :: config.jobs]), config, rules)

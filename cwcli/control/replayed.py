@@ -108,7 +108,7 @@ class PublishedReplay:
         }
 
 
-def control_table(replayed: Sequence[PublishedReplay], predictor: str, rule: str) -> Table:
+def control_table_by_warning_and_policy(replayed: Sequence[PublishedReplay], predictor: str, rule: str) -> Table:
     """The table `control`: one row per warning and policy."""
     records = [
         control_table_row(one, policy, predictor, rule)

@@ -115,7 +115,7 @@ def _build_story_without_doubts(
 ) -> Story:
     """Build the story without the reasons to doubt the estimate."""
     if drive.warnings is None:
-        return _build_story_without_warnings(drive, left_out)
+        return _build_story_with_warnings_not_computed(drive, left_out)
     length = _drive_length_sentence(drive)
     more: list[str] = []
     if not drive_encounters.encounters:
@@ -359,7 +359,7 @@ def _drive_length_sentence(drive: Drive) -> str:
     return drive_length_sentence(drive, drive.ego, drive.records, n_heard=kinds["vehicle"], n_tracked=kinds["target"])
 
 
-def _build_story_without_warnings(drive: Drive, left_out: str) -> Story:
+def _build_story_with_warnings_not_computed(drive: Drive, left_out: str) -> Story:
     """Build the story of a drive for which no warnings were computed."""
     why = left_out or ("`cwcli warn` was not run" if drive.others else "no other vehicle is in the log")
     reason = f": {escape_control_characters(why)}" if drive.ego is not None or left_out else ""

@@ -92,7 +92,7 @@ def require_known_names_and_sigma_counts(sigmas: SigmasByRoleOrTopic, topics: Se
             )
 
 
-def apply_stated_noise(
+def fill_missing_noise_with_stated(
     measurements: Sequence[Measurements], role: Role, sigmas: SigmasByRoleOrTopic
 ) -> list[Measurements]:
     """Return the measurements of a signal with the stated noise where its messages state none.

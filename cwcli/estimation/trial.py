@@ -30,7 +30,7 @@ from cwcli.estimation.start import find_full_filter_start
 from cwcli.kernels import ekf
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
-from cwcli.work_share import count_work
+from cwcli.work_share import count_and_show_finished_work
 
 SEARCH_PROGRESS_UNIT_NAME = "passes of the filter"
 """The unit in which the searches report their progress."""
@@ -125,7 +125,7 @@ class FilterTrials:
         motion = trial.parameters.to_process_model(trial.walk)
         found = _TrialPass(prepared, prepared.run_filter(start, motion, smooth=False))
         self._passes.remember_value(key, found, trial.series)
-        count_work(SEARCH_PROGRESS_UNIT_NAME)
+        count_and_show_finished_work(SEARCH_PROGRESS_UNIT_NAME)
         return found
 
     def _find_start_and_build_pass_input(self, trial: StateLayout) -> tuple[FilterStart, PassInput]:

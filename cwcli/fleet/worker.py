@@ -53,7 +53,7 @@ def process_log(task: LogTask, plan: FleetPlan) -> TaskResult:
     bound_array_memory_and_get_old_handler()
     wall_s, cpu_s = time.perf_counter(), time.process_time()
     with remember_inputs():
-        status, state = _process_and_record(task, plan)
+        status, state = _process_log_and_write_entry(task, plan)
     return TaskResult(
         task.id,
         status,
@@ -73,7 +73,7 @@ def _peak_memory_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
-def _process_and_record(task: LogTask, plan: FleetPlan) -> tuple[str, FileState | None]:
+def _process_log_and_write_entry(task: LogTask, plan: FleetPlan) -> tuple[str, FileState | None]:
     """Process one log and write its entry; returns its status, and the state in which its file was read."""
     folder = LogOutputs(Path(task.out), task.id)
     before = folder.read_entry()

@@ -32,7 +32,7 @@ MIN_TRAVEL_FOR_MOUNTING_M = 100.0
 Chosen by hand; not fitted."""
 MAX_REVERSE_SPEED_MPS = 12.0
 """Greatest speed of a car in reverse, m/s: the reverse gear ends below 45 km/h."""
-MAX_ERROR_CORRELATION_BINS = 2000
+MAX_BINS_AVERAGED_FOR_ERROR_CORRELATION = 2000
 """Greatest number of consecutive bins into which a long log is averaged before the correlation of its errors is
 examined. Chosen by hand."""
 N_FITTED_MOUNTING_COEFFICIENTS = 3
@@ -228,7 +228,7 @@ def _variance_factor_of_slow_errors(residual: FloatArray, weights: FloatArray) -
     simplified), with what the fit takes off their number.
     """
     n = len(residual)
-    bins = min(n, MAX_ERROR_CORRELATION_BINS)
+    bins = min(n, MAX_BINS_AVERAGED_FOR_ERROR_CORRELATION)
     own = np.sqrt(weights / weights.mean())
     series = np.array([part.mean() for part in np.array_split(own * residual, bins)])
     centred = series - series.mean()

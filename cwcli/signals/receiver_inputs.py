@@ -158,7 +158,9 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
         Role.EGO_VELOCITY,
     ),
     "sbg_driver/SbgEkfNav": (
-        *inputs_of_receiver_message(_SBG_EKF_NAV_FIELDS, FUSED_INS_RANK, "sbg.read_ekf_nav", Role.EGO_POSITION),
+        *inputs_of_receiver_message(
+            _SBG_EKF_NAV_FIELDS, FUSED_INS_RANK, "sbg.read_ekf_nav_position", Role.EGO_POSITION
+        ),
         *inputs_of_receiver_message(_SBG_EKF_NAV_FIELDS, FUSED_INS_RANK, "sbg.read_ekf_velocity", Role.EGO_VELOCITY),
     ),
     "sbg_driver/SbgEkfEuler": inputs_of_receiver_message(

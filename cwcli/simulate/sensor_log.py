@@ -34,7 +34,7 @@ from cwcli.simulate.cdr import (
     encode_velocity_reports,
 )
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, encode_bsm_json, encode_ode_json
-from cwcli.simulation.detectors import DetectionScans, positions_in_host_body_frame
+from cwcli.simulation.detectors import DetectionScans, positions_and_velocities_in_host_body_frame
 from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle
 from cwcli.simulation.spec import SCENARIO_TOP_LEVEL_KEYS
@@ -211,7 +211,9 @@ def _target_truth_channel(scenario: Scenario) -> OutputChannel:
     time_s: FloatArray = np.arange(n, dtype=np.float64) / scenario.truth_rate_hz
     host = scenario.vehicles[HOST_NAME].motion.states_at(time_s)
     others = [vehicle for name, vehicle in scenario.vehicles.items() if name != HOST_NAME]
-    relative = np.stack([positions_in_host_body_frame(host, each.motion.states_at(time_s)) for each in others], axis=1)
+    relative = np.stack(
+        [positions_and_velocities_in_host_body_frame(host, each.motion.states_at(time_s)) for each in others], axis=1
+    )
     rows = relative.reshape(-1, 4).round(9) + 0.0
     ids = Strings(np.tile(np.arange(len(others), dtype=np.int32), n), tuple(each.station_id for each in others))
     stamp_ns = np.repeat(scenario.start_ns + seconds_to_ns(time_s), len(others))

@@ -40,7 +40,7 @@ class DetectionScans:
     n_lost: int
 
 
-def positions_in_host_body_frame(host: FloatArray, other: FloatArray) -> FloatArray:
+def positions_and_velocities_in_host_body_frame(host: FloatArray, other: FloatArray) -> FloatArray:
     """Return position and velocity (n, 4) of another vehicle in the host's turning body frame; states are (n, 8)."""
     cos, sin = np.cos(host[:, 3]), np.sin(host[:, 3])
     dx, dy = other[:, 0] - host[:, 0], other[:, 1] - host[:, 1]
@@ -62,9 +62,9 @@ def simulate_detections(
     plan = draw_message_schedule(settings, end_s=run.end_s, seed=run.seed, names=("host", sensor))
     true_s = plan.time_s - settings["latency_s"]
     own = host.states_at(true_s)
-    relative = np.array([positions_in_host_body_frame(own, other.states_at(true_s)) for other in others]).reshape(
-        len(others), len(true_s), 4
-    )
+    relative = np.array(
+        [positions_and_velocities_in_host_body_frame(own, other.states_at(true_s)) for other in others]
+    ).reshape(len(others), len(true_s), 4)
     reach = np.hypot(relative[..., 0], relative[..., 1])
     azimuth = np.arctan2(relative[..., 1], relative[..., 0])
     if sensor == "lidar":

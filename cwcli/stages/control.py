@@ -13,7 +13,12 @@ from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.channels.control_step import ReplayedSteps, make_replay_channels
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.control.encounter import BRAKING_POLICY_NAMES, RecordedTrack, ReplaySpan, replay_warning
-from cwcli.control.replayed import PublishedReplay, control_series_table, control_table, control_table_row
+from cwcli.control.replayed import (
+    PublishedReplay,
+    control_series_table,
+    control_table_by_warning_and_policy,
+    control_table_row,
+)
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
@@ -168,7 +173,7 @@ def replay_warnings_with_braking(log: Log, config: ControlConfig) -> StageResult
         tuple(inputs),
         tuple(dict.fromkeys((*bound.notes, *happened.notes, *notes))),
     )
-    tables = (control_table(replayed, model, rule.rule), control_series_table(replayed))
+    tables = (control_table_by_warning_and_policy(replayed, model, rule.rule), control_series_table(replayed))
     channels: tuple[OutputChannel, ...] = ()
     if replayed:
         local_map = local_map_from_estimate_record(read_run_records(log).get("estimate", {}))

@@ -46,7 +46,11 @@ from cwcli.estimation.result import Track, TrackSummary
 from cwcli.estimation.seen_ego import drop_ego_seen_by_others_and_note
 from cwcli.estimation.seen_senders import drop_senders_seen_by_others_and_note
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
-from cwcli.estimation.stated_noise import SigmasByRoleOrTopic, apply_stated_noise, require_known_names_and_sigma_counts
+from cwcli.estimation.stated_noise import (
+    SigmasByRoleOrTopic,
+    fill_missing_noise_with_stated,
+    require_known_names_and_sigma_counts,
+)
 from cwcli.estimation.summary import build_estimate_table, format_source_diagnostics_json, summarise_track
 from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.estimation.verdict import consistency_verdict_sentence
@@ -336,7 +340,7 @@ def _collect_ego_measurements(
     for role in EGO_SENSOR_ROLES:
         for signal in sources.by_role.get(role, ()):
             assert isinstance(signal, EgoSignal)
-            found.extend(apply_stated_noise(ego_signal_to_measurements(signal, local_map), role, sigmas))
+            found.extend(fill_missing_noise_with_stated(ego_signal_to_measurements(signal, local_map), role, sigmas))
     return found
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.cli.main import run_command_line
 from cwcli.cli.progress import Progress
-from cwcli.work_share import count_work, part_of_work, report_work, report_work_share_to
+from cwcli.work_share import count_and_show_finished_work, part_of_work, report_work, report_work_share_to
 from tests.cli.conftest import SAMPLES
 
 
@@ -22,7 +22,7 @@ def test_parts_lie_within_parts() -> None:
             report_work("rows", 1, 0)
         with part_of_work(0.6, 1.0, "passes", expected=4):
             for _ in range(6):  # more than expected
-                count_work("passes")
+                count_and_show_finished_work("passes")
     # 0.2 + 0.4 (0.5 + 0.5 / 4), then the ends of both parts, then four quarters of 0.4
     assert shares == pytest.approx([0.45, 0.6, 0.7, 0.8, 0.9, 1.0])
 
@@ -44,7 +44,7 @@ def test_nothing_is_told_where_nobody_follows() -> None:
         other.join()
     with part_of_work(0.0, 1.0, "rows"):
         report_work("rows", 1, 2)
-        count_work("rows")
+        count_and_show_finished_work("rows")
     assert shares == []
 
 

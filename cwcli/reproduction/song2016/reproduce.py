@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from cwcli.pipeline.result import SummaryTable
-from cwcli.process_pool import process_pool
+from cwcli.process_pool import process_pool_killed_on_error
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
 from cwcli.reproduction.request import ReproductionRequest
@@ -71,7 +71,7 @@ def reproduce_song2016(request: ReproductionRequest) -> Reproduction:
     ]
     parts_and_tables: list[tuple[list[StudyPart], list[SummaryTable]]] = []
     if request.jobs > 1:
-        with process_pool(request.jobs) as pool:
+        with process_pool_killed_on_error(request.jobs) as pool:
             running = [(task, pool.submit(_run_task, *task)) for task in tasks]
             for task, future in running:
                 parts_and_tables.append(future.result())

@@ -230,26 +230,33 @@ def radar_scene_table(n_seeds: int) -> Table:
         state = arc.copy()
         state[:, 1] += range_m - 3.0
         for azimuth_deg in (0.5, 2.0, 5.0, 10.0):
-            _append_radar_scene(table, n_seeds, f"arc at {range_m:g} m", range_m, azimuth_deg, (times, state))
+            _append_ekf_ukf_comparison_in_radar_scene(
+                table, n_seeds, f"arc at {range_m:g} m", range_m, azimuth_deg, (times, state)
+            )
     for miss_m in (0.3, 1.0):  # past the sensor: the bearing turns by 180 degrees
         state = np.stack([1.5 * (times - times[-1] / 2), *np.full((1, N_SEGMENT_SAMPLES), miss_m)], axis=1)
         state = np.concatenate([state, np.tile([1.5, 0.0], (N_SEGMENT_SAMPLES, 1))], axis=1)
-        _append_radar_scene(table, n_seeds, f"pass at {miss_m:g} m", miss_m, 0.5, (times, state))
+        _append_ekf_ukf_comparison_in_radar_scene(table, n_seeds, f"pass at {miss_m:g} m", miss_m, 0.5, (times, state))
     return table
 
 
-def _append_radar_scene(
-    table: Table, n_seeds: int, scene: str, range_m: float, azimuth_deg: float, truth: tuple[FloatArray, FloatArray]
+def _append_ekf_ukf_comparison_in_radar_scene(
+    table: Table,
+    n_seeds: int,
+    scene: str,
+    range_m: float,
+    azimuth_sigma_deg: float,
+    truth: tuple[FloatArray, FloatArray],
 ) -> None:
     """Compare both filters in one radar scene and append the row."""
-    noise = replace(SCENE_NOISE, azimuth_rad=float(np.radians(azimuth_deg)))
+    noise = replace(SCENE_NOISE, azimuth_rad=float(np.radians(azimuth_sigma_deg)))
     errors = _paired_squared_errors_m2(
-        n_seeds, truth, noise, PAPER_FILTER_CONFIG, round(10 * range_m + azimuth_deg), lidar=False
+        n_seeds, truth, noise, PAPER_FILTER_CONFIG, round(10 * range_m + azimuth_sigma_deg), lidar=False
     )
     ekf, ukf = (errors[name].sum(axis=1) for name in ("ekf", "ukf"))
     _, low, high = _mean_and_interval_bounds(ekf - ukf)
     _append_row(
-        table, scene=scene, azimuth_sigma_deg=azimuth_deg,
+        table, scene=scene, azimuth_sigma_deg=azimuth_sigma_deg,
         bend=range_m * noise.azimuth_rad**2 / (2.0 * noise.range_m),
         ekf_rmse_m=float(np.sqrt(ekf.mean())), ukf_rmse_m=float(np.sqrt(ukf.mean())),
         gain_pct=100.0 * (1.0 - float(ukf.mean() / ekf.mean())), gain_low_pct=100.0 * low / float(ekf.mean()),

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.intervals import clustered_proportion_interval
 from cwcli.pipeline.result import Cell, SummaryTable
-from cwcli.process_pool import process_pool
+from cwcli.process_pool import process_pool_killed_on_error
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.reproduction.findings_report import PROCESSOR_TIMES_SECTION_KEY
@@ -93,7 +93,7 @@ def _run_methods_on_all_sets(n_drives: int, jobs: int, seed: int, tick: Callable
             tick(f"lanes: {task[0]}")
 
     if jobs > 1:
-        with process_pool(jobs) as pool:
+        with process_pool_killed_on_error(jobs) as pool:
             running = [(task, pool.submit(run_methods_on_drives, *task, seed=seed)) for task in tasks]
             for task, future in running:
                 collect_results(task, future.result())

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from cwcli.pipeline.result import SummaryTable
-from cwcli.process_pool import process_pool
+from cwcli.process_pool import process_pool_killed_on_error
 from cwcli.reproduction.findings import StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
 from cwcli.reproduction.request import ReproductionRequest
@@ -65,7 +65,7 @@ def _run_other_parts(request: ReproductionRequest, n_rendered_drives: int) -> li
     tasks_of_figures = {name: task for name, (figures, task) in tasks.items() if request.wants_any_of(figures)}
     if request.jobs == 1:
         return [_report_part_done(name, task(), request.tick) for name, task in tasks_of_figures.items()]
-    with process_pool(request.jobs) as pool:
+    with process_pool_killed_on_error(request.jobs) as pool:
         running = {name: pool.submit(task) for name, task in tasks_of_figures.items()}
         return [_report_part_done(name, future.result(), request.tick) for name, future in running.items()]
 

@@ -51,7 +51,7 @@ def read_gps_vel(columns: Columns, ledger: RowLedger) -> GnssFix:
     return _read_velocity_fix(columns, ledger, is_solved)
 
 
-def read_ekf_nav(columns: Columns, ledger: RowLedger) -> GnssFix:
+def read_ekf_nav_position(columns: Columns, ledger: RowLedger) -> GnssFix:
     """Read the filter's position from `SbgEkfNav`; older drivers have it as a vector."""
     accuracy = _read_east_north(columns, "position_accuracy")
     return GnssFix(

@@ -7,7 +7,7 @@ from cwcli.errors import UsageError
 from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, prepare_without_looking_ahead
 from cwcli.estimation.stated_noise import (
-    apply_stated_noise,
+    fill_missing_noise_with_stated,
     parse_sigmas_by_role_or_topic,
     require_known_names_and_sigma_counts,
 )
@@ -41,17 +41,17 @@ def test_a_name_that_comes_twice_is_refused() -> None:
 
 def test_only_rows_without_a_stated_noise_get_it() -> None:
     sigmas = {"ego_speed": (0.5,)}
-    (bare,) = apply_stated_noise([speeds()], Role.EGO_SPEED, sigmas)
+    (bare,) = fill_missing_noise_with_stated([speeds()], Role.EGO_SPEED, sigmas)
     assert bare.covariance is not None
     np.testing.assert_allclose(bare.covariance.ravel(), 0.25)
-    (mixed,) = apply_stated_noise([speeds([0.04, np.nan, 0.0])], Role.EGO_SPEED, sigmas)
+    (mixed,) = fill_missing_noise_with_stated([speeds([0.04, np.nan, 0.0])], Role.EGO_SPEED, sigmas)
     assert mixed.covariance is not None
     np.testing.assert_allclose(mixed.covariance.ravel(), [0.04, 0.25, 0.25])
 
 
 def test_a_topic_comes_before_its_role_and_other_quantities_stay() -> None:
     turn = Measurements("/speed", Kind.YAW_RATE, np.arange(3), np.zeros(3))
-    done = apply_stated_noise([speeds(), turn], Role.EGO_SPEED, {"ego_speed": (0.5,), "/speed": (2.0,)})
+    done = fill_missing_noise_with_stated([speeds(), turn], Role.EGO_SPEED, {"ego_speed": (0.5,), "/speed": (2.0,)})
     assert done[0].covariance is not None
     assert done[0].covariance[0, 0, 0] == 4.0
     assert done[1] is turn
@@ -59,7 +59,7 @@ def test_a_topic_comes_before_its_role_and_other_quantities_stay() -> None:
 
 def test_an_imu_has_one_value_for_each_of_its_sensors() -> None:
     imu = Measurements("/imu", Kind.IMU, np.arange(2), np.zeros((2, 6)))
-    (done,) = apply_stated_noise([imu], Role.IMU, {"imu": (0.05, 0.002)})
+    (done,) = fill_missing_noise_with_stated([imu], Role.IMU, {"imu": (0.05, 0.002)})
     assert done.covariance is not None
     np.testing.assert_allclose(np.diag(done.covariance[1]), [0.05**2] * 3 + [0.002**2] * 3)
     with pytest.raises(UsageError, match="an IMU needs two values"):

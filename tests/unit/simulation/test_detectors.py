@@ -11,7 +11,7 @@ from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.simulate.sensor_log import write_simulated_log
-from cwcli.simulation.detectors import positions_in_host_body_frame
+from cwcli.simulation.detectors import positions_and_velocities_in_host_body_frame
 from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.dual_sensor import TARGET_PATHS
 from cwcli.simulation.scenario import load_scenario, parse_scenario
@@ -57,7 +57,7 @@ def test_velocities_are_those_in_the_turning_body() -> None:
     """A car that turns on the spot sees a standing pole go round it the other way."""
     host, pole = np.zeros((1, 8)), np.zeros((1, 8))
     host[0, 5], pole[0, 0] = 0.5, 10.0
-    np.testing.assert_allclose(positions_in_host_body_frame(host, pole), [[10.0, 0.0, 0.0, -5.0]])
+    np.testing.assert_allclose(positions_and_velocities_in_host_body_frame(host, pole), [[10.0, 0.0, 0.0, -5.0]])
 
 
 def test_noise_is_as_declared_and_a_seed_gives_the_same_detections() -> None:
