@@ -66,6 +66,19 @@ class ComparedRuns:
     is_exact: bool
     messages: RunDifference | None = None
 
+    @property
+    def uncompared_logs(self) -> tuple[str, ...]:
+        """Ids of the logs that are not in both runs, or failed in one or both."""
+        runs = self.before, self.after
+        scored = [{log.id for log in run.logs if not log.error} for run in runs]
+        return tuple(dict.fromkeys(log.id for run in runs for log in run.logs if log.id not in scored[0] & scored[1]))
+
+    @property
+    def has_identical_messages(self) -> bool:
+        """Whether every message, setting and warning of all logs of both runs was compared and is the same."""
+        messages = self.messages
+        return messages is not None and not (messages.differing or messages.unread or self.uncompared_logs)
+
 
 def _changes_with_verdict_or_all(comparison: RunComparison, *, everything: bool) -> list[MetricChange]:
     return [change for change in comparison.changes if everything or change.verdict.value != "-"]
@@ -101,7 +114,7 @@ def print_comparison(console: Console, compared: ComparedRuns, *, everything: bo
         console.print_note(note)
     if compared.messages is not None:
         console.print_summary("")
-        for line in describe_differences(compared.messages):
+        for line in describe_differences(compared.messages, compared.uncompared_logs):
             console.print_summary(line)
     if compared.failed:
         console.print_summary("")
@@ -173,7 +186,7 @@ def comparison_document(compared: ComparedRuns, written: Sequence[str]) -> Docum
             }
         }
     if compared.messages is not None:
-        changes["messages"] = differences_as_json(compared.messages)
+        changes["messages"] = differences_as_json(compared.messages, is_identical=compared.has_identical_messages)
     return {
         "baseline": compared.before.source,
         "candidate": compared.after.source,
@@ -262,8 +275,9 @@ def format_markdown_summary(compared: ComparedRuns) -> str:
         ]
         parts.append("\n".join(["Warnings and conflicts that differ:", "", *lines]))
     if compared.messages is not None:
-        title, *lines = describe_differences(compared.messages)
-        parts.append("\n".join([f"{title}:", "", *(f"- {markdown.format_code(line.strip())}" for line in lines)]))
+        title, *lines = describe_differences(compared.messages, compared.uncompared_logs)
+        items = [f"{'  ' * line.startswith(' ')}- {markdown.format_code(line.strip())}" for line in lines]
+        parts.append("\n".join([f"{title}:", "", *items]))
     parts += [
         f"- {markdown.format_code(note)}"
         for note in [*_comparison_notes(comparison, exact=compared.is_exact), *_unlisted_warning_notes(differing)]

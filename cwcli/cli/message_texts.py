@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.options.plain_coercion import MAX_SHOWN_VALUE_CHARACTERS
-from cwcli.cli.text import finite_or_none, format_count, format_number, shorten_and_escape
+from cwcli.cli.text import finite_or_none, format_count, format_number, join_names, shorten_and_escape
 
 if TYPE_CHECKING:
     from cwcli.evaluation.message_changes import ChannelChange, LogDifference, WarningChange
@@ -19,20 +20,15 @@ MAX_LISTED_LOGS = 20
 """Logs that are listed; chosen by hand, the others are in --json."""
 
 
-def has_no_difference(messages: RunDifference) -> bool:
-    """Whether every message, setting and warning of all logs is the same."""
-    return not (messages.differing or messages.unread)
-
-
 def describe_identical(messages: RunDifference) -> str:
     """The one line about two runs without a difference."""
     return f"identical: every message and every setting of {format_count(messages.n_logs, 'log')} is the same"
 
 
-def describe_differences(messages: RunDifference) -> list[str]:
-    """The lines about what differs, log by log."""
+def describe_differences(messages: RunDifference, uncompared: Sequence[str]) -> list[str]:
+    """The lines about what differs, log by log, and about logs that failed or are in one run only."""
     n_differing = len(messages.differing)
-    verb = "differs" if n_differing == 1 else "differ"
+    verb = "differs" if 1 in (n_differing, messages.n_logs) else "differ"
     lines = [f"messages: {n_differing} of {format_count(messages.n_logs, 'log')} {verb}"]
     for name, found in list(messages.differing.items())[:MAX_LISTED_LOGS]:
         lines.append(shorten_and_escape(name))
@@ -40,6 +36,12 @@ def describe_differences(messages: RunDifference) -> list[str]:
     if n_differing > MAX_LISTED_LOGS:
         lines.append(f"{n_differing - MAX_LISTED_LOGS} more logs differ (--json lists them)")
     lines += [f"{shorten_and_escape(name)} was not compared: {why}" for name, why in messages.unread.items()]
+    if uncompared:
+        names = join_names([shorten_and_escape(name) for name in uncompared[:MAX_LISTED_ENTRIES_PER_KIND]])
+        rest = len(uncompared) - MAX_LISTED_ENTRIES_PER_KIND
+        pronoun = "it failed or is" if len(uncompared) == 1 else "they failed or are"
+        more = f" and {rest} more" if rest > 0 else ""
+        lines.append(f"not compared, as {pronoun} in one run only: {names}{more}")
     return lines
 
 
@@ -88,11 +90,11 @@ def _describe_warning(change: WarningChange, found: LogDifference) -> str:
     return f"warning moved: {of} to {at_s:.3f} s, by {change.moved_s:+.3f} s"
 
 
-def differences_as_json(messages: RunDifference) -> dict[str, Any]:
+def differences_as_json(messages: RunDifference, *, is_identical: bool) -> dict[str, Any]:
     """The differences for `--json`."""
     return {
         "logs": messages.n_logs,
-        "identical": has_no_difference(messages),
+        "identical": is_identical,
         "unread": dict(messages.unread),
         "differing": [
             {

@@ -76,7 +76,8 @@ def build_comparison_page(
         figures = _map_and_strips_or_reason_html(log, open_log) if k < MAX_LOGS_WITH_FIGURES else ""
         name = escape_for_html(log.name)
         cards.append(f'<article><h2>{name}</h2>{lines}<div class="figures">{figures}</div></article>\n')
-    head = f"{len(logs)} of {format_count(n_compared, 'compared log')} differ."
+    verb = "differs" if 1 in (len(logs), n_compared) else "differ"
+    head = f"{len(logs)} of {format_count(n_compared, 'compared log')} {verb}."
     if len(logs) > MAX_LOGS_WITH_FIGURES:
         head += f" The first {MAX_LOGS_WITH_FIGURES} have figures."
     legend = (

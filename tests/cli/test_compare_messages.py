@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -29,13 +30,44 @@ def test_identical_runs_print_one_line(runs: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().out == "identical: every message and every setting of 1 log is the same\n"
 
 
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The output folders of runs over two logs, over one of them, and over both where one failed."""
+    folder = tmp_path_factory.mktemp("folders")
+    for name, is_log in (("both", True), ("one", None), ("bad", False)):
+        logs = folder / f"logs-{name}"
+        logs.mkdir()
+        shutil.copy(SAMPLES / "rear-end.mcap", logs / "x.mcap")
+        if is_log:
+            shutil.copy(SAMPLES / "rear-end.mcap", logs / "y.mcap")
+        elif is_log is False:
+            (logs / "y.mcap").write_bytes(b"no log")
+        run_command_line(["run", str(logs), "--stage", "estimate", "-q", "-d", str(folder / name)])
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("baseline", "candidate"), [("both", "one"), ("one", "both"), ("both", "bad"), ("bad", "both"), ("bad", "bad")]
+)
+def test_runs_that_lost_a_log_are_not_identical(
+    folders: Path, capsys: pytest.CaptureFixture[str], baseline: str, candidate: str
+) -> None:
+    both = ("compare", str(folders / baseline), str(folders / candidate), "--messages")
+    assert run_command_line([*both]) == EXIT_DONE
+    text = capsys.readouterr().out
+    assert "identical" not in text
+    assert "messages: 0 of 1 log differs\nnot compared, as it failed or is in one run only: y" in text
+    assert run_command_line([*both, "--json"]) == EXIT_DONE
+    assert not json.loads(capsys.readouterr().out)["messages"]["identical"]
+
+
 def test_changed_option_and_its_first_channel_are_named(
     runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before, after = str(runs / "a.mcap"), str(runs / "c.mcap")
     page = tmp_path / "compare.md"
     assert run_command_line(["compare", before, after, "--messages", "--markdown", str(page)]) == EXIT_DONE
-    assert "changed: warn: rule.horizon_s was 2.5, is 2.0" in page.read_text()
+    assert "\n- `c.mcap`\n  - `changed: warn: rule.horizon_s was 2.5, is 2.0`\n" in page.read_text()
     assert "changed: warn: rule.horizon_s was 2.5, is 2.0" in capsys.readouterr().out
     assert run_command_line(["compare", before, after, "--messages", "--json"]) == EXIT_DONE
     (log,) = json.loads(capsys.readouterr().out)["messages"]["differing"]
@@ -74,7 +106,7 @@ def test_the_page_of_identical_runs_has_no_card(runs: Path, tmp_path: Path) -> N
     page = tmp_path / "page.html"
     both = (str(runs / "a.mcap"), str(runs / "b.mcap"))
     assert run_command_line(["compare", *both, "--messages", "-q", "--report", str(page)]) == EXIT_DONE
-    assert "0 of 1 compared log differ." in page.read_text()
+    assert "0 of 1 compared log differs." in page.read_text()
     assert "<article>" not in page.read_text()
 
 

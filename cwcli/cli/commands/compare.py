@@ -16,7 +16,7 @@ from cwcli.cli.comparison_texts import (
     print_comparison,
 )
 from cwcli.cli.console import Console, replace_stdout_path_by_dash
-from cwcli.cli.message_texts import describe_difference_of_log, describe_identical, has_no_difference
+from cwcli.cli.message_texts import describe_difference_of_log, describe_identical
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import AllOption, GithubOption, MarkdownOption, TruthOption
@@ -231,7 +231,7 @@ def command(
     if talk.json:
         console.print_document("compare", comparison_document(compared, targets))
     else:
-        if found is not None and has_no_difference(found) and not failed:
+        if found is not None and compared.has_identical_messages and not failed:
             console.print_heading(describe_identical(found))
         else:
             print_comparison(console, compared, everything=output.everything)
