@@ -56,7 +56,12 @@ class EventKind:
 
 
 def severity_as_ratio_to_threshold(value: float, threshold: float, critical: Literal["low", "high"]) -> float:
-    """Return how many times a value is beyond a threshold, 1 at the threshold, from 0 to `MAX_SEVERITY`."""
+    """Return how many times a value is beyond a threshold, 1 at the threshold, from 0 to `MAX_SEVERITY`.
+
+    Below zero the magnitudes count: -6 is twice beyond a threshold of -3 where low values are critical.
+    """
+    if threshold < 0.0:
+        return severity_as_ratio_to_threshold(-value, -threshold, "high" if critical == "low" else "low")
     if critical == "low":
         return min(threshold / value, MAX_SEVERITY) if value > 0.0 else MAX_SEVERITY
     return min(max(value / threshold, 0.0), MAX_SEVERITY)

@@ -78,6 +78,15 @@ class FoundEvent:
         return (self.moment.end_ns - self.moment.start_ns) / NS_PER_S
 
     @property
+    def rank(self) -> tuple[float | int | str, ...]:
+        """The key that sorts events: the most severe first; of equal ones by kind (near misses first), then value."""
+        kinds = list(EVENTS)
+        value = self.moment.value if self.value_name.startswith("least_") else -self.moment.value
+        kind = kinds.index(self.event) if self.event in kinds else len(kinds)
+        known = value if np.isfinite(value) else np.inf
+        return -self.moment.severity, kind, self.event, known, self.log, self.moment.start_ns, self.id
+
+    @property
     def words(self) -> str:
         """What happened, with the value and its unit, for people."""
         if self.moment.words:
@@ -298,7 +307,7 @@ class _Evaluation:
         is_low = sign.startswith("<") == (at == 0 or len(comparison.signs) > 1)
         value = float(known.min() if is_low else known.max())
         limit = next((each.value for each in comparison.operands if isinstance(each, Number)), np.nan)
-        if not (np.isfinite(limit) and limit > 0.0):
+        if not (np.isfinite(limit) and limit != 0.0 and value * limit >= 0.0):  # no ratio across zero
             return value, 1.0
         return value, severity_as_ratio_to_threshold(value, limit, "low" if is_low else "high")
 

@@ -20,6 +20,8 @@ from cwcli.events.evidence import EventEvidence
 
 VERDICT_OF_WARNING_WITHOUT_TRACK = "no verdict"
 """The verdict on a warning about something without a track, such as a lane boundary."""
+THRESHOLD_IN_WORDS = "for the severity: 2.5 m between the centres, or `--distance` of `cwcli warn`"
+"""What the severity of a warning compares the smallest distance with, in words."""
 
 
 def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterator[Moment]:
@@ -36,8 +38,9 @@ def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterat
             outcome = judge_warning(warning.raised_ns, warning.last_ns, conflicts, pair, outcomes.config)
             kind, lead_s, closest_m = outcome.kind, outcome.lead_time_s, outcome.closest_m
         if verdict in (None, kind):
-            threshold_m = 2.5 if outcomes is None else outcomes.config.distance_m
-            severity = severity_as_ratio_to_threshold(closest_m, threshold_m, "low") if np.isfinite(closest_m) else 1.0
+            severity = 1.0
+            if outcomes is not None and np.isfinite(closest_m):
+                severity = severity_as_ratio_to_threshold(closest_m, outcomes.config.distance_m, "low")
             actors = ("ego", warning.other_id)
             words = _describe_verdict(warning.rule, kind, lead_s)
             yield Moment(warning.raised_ns, warning.last_ns, actors, lead_s, severity, f"{warning.rule}: {kind}", words)
@@ -61,7 +64,7 @@ def _event_of_verdict(verdict: str, summary: str) -> EventKind:
     return EventKind(
         summary=summary,
         value_name="lead_time_s",
-        threshold="",
+        threshold=THRESHOLD_IN_WORDS,
         source="the verdicts of `cwcli evaluate`",
         needs="warnings, states of others",
         find=partial(find_warnings, verdict=verdict),
@@ -71,7 +74,7 @@ def _event_of_verdict(verdict: str, summary: str) -> EventKind:
 EVENT = EventKind(
     summary="a warning of any rule",
     value_name="lead_time_s",
-    threshold="",
+    threshold=THRESHOLD_IN_WORDS,
     source="the rules of `cwcli warn`",
     needs="warnings",
     find=find_warnings,

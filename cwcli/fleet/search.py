@@ -115,5 +115,5 @@ def find_in_logs(
             missing[event] = missing.get(event, 0) + 1
     if logs and len(failed) == len(logs):
         raise failed[0][1]
-    found.sort(key=lambda event: (-event.moment.severity, event.log, event.moment.start_ns, event.event, event.id))
+    found.sort(key=lambda event: event.rank)
     return FleetSearch(tuple(found), {each.name: each.path for each in logs}, missing, tuple(failed))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -12,8 +12,9 @@ import pytest
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.errors import MissingSignalError, UsageError
+from cwcli.events.base import Moment, severity_as_ratio_to_threshold
 from cwcli.events.quantities import trailing_window_values
-from cwcli.events.search import find_events_in_log, parse_query
+from cwcli.events.search import FoundEvent, find_events_in_log, parse_query
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
 
@@ -73,6 +74,38 @@ def test_value_is_the_extreme_and_severity_its_ratio(ramp: Path) -> None:
         (found,) = find_events_in_log(log, parse_query("ego.speed_mps > 4.95")).found
     assert found.moment.value == pytest.approx(9.9, abs=0.001)
     assert found.moment.severity == pytest.approx(2.0, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("value", "threshold", "critical", "severity"),
+    [(-6.0, -3.0, "low", 2.0), (-3.0, -3.0, "low", 1.0), (-1.5, -3.0, "high", 2.0), (0.75, 1.5, "low", 2.0)],
+)
+def test_severity_is_a_ratio_of_magnitudes(
+    value: float, threshold: float, critical: Literal["low", "high"], severity: float
+) -> None:
+    assert severity_as_ratio_to_threshold(value, threshold, critical) == pytest.approx(severity, rel=1e-12)
+
+
+def test_equal_severities_are_sorted_by_kind_then_by_value() -> None:
+    found = [
+        FoundEvent("0", log, event, Moment(0, 1, ("ego",), value, 10.0), 0.0, value_name)
+        for log, event, value, value_name in (
+            ("c", "near-miss", 0.0, "least_ttc_or_pet_s"),
+            ("b", "near-miss", 0.1, "least_ttc_or_pet_s"),
+            ("d", "hard-brake", 9.0, "peak_deceleration_mps2"),
+            ("a", "hard-brake", 8.0, "peak_deceleration_mps2"),
+            ("a", "hard-brake", np.nan, "peak_deceleration_mps2"),
+            ("a", "expression", 5.0, "speed_mps"),
+        )
+    ]
+    shuffled = [found[k] for k in (3, 5, 1, 4, 2, 0)]
+    assert sorted(shuffled, key=lambda each: each.rank) == found
+
+
+def test_value_on_the_other_side_of_zero_than_its_limit_has_no_ratio(ramp: Path) -> None:
+    with Log.open(ramp) as log:
+        (found,) = find_events_in_log(log, parse_query("ego.speed_mps > -4.95")).found
+    assert found.moment.severity == 1.0
 
 
 @pytest.mark.parametrize(
