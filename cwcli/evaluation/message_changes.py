@@ -11,12 +11,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.published import OWN_TOPIC_PREFIX, WARNINGS, schema_name_by_published_topic
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events_with_known_start
+from cwcli.errors import CwcliError
 from cwcli.evaluation.setting_changes import SettingChange, compare_settings
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.frames import IMAGE_SCHEMAS
@@ -118,6 +120,16 @@ def compare_messages(before: Log, after: Log, tolerances: Mapping[str, float] | 
         before.start_ns,
         len(topics),
     )
+
+
+def field_names(log: Log) -> set[str]:
+    """Return the names of the fields of the channels that can be decoded, camera frames left out."""
+    found: set[str] = set()
+    for channel in log.channels:
+        if normalise_schema_name(channel.schema_name) not in IMAGE_SCHEMAS:
+            with suppress(CwcliError):
+                found.update(log.columns(channel.topic).fields)
+    return found
 
 
 def _topics_in_order(before: Log, after: Log) -> list[str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
 
-from cwcli.errors import CwcliError, UsageError
-from cwcli.evaluation.message_changes import LogDifference, compare_messages
+from cwcli.errors import CwcliError, UsageError, hint_at_closest_or_all_known_names
+from cwcli.evaluation.message_changes import LogDifference, compare_messages, field_names
 from cwcli.fleet.search import SearchedLog, logs_to_search
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
@@ -39,7 +39,7 @@ def compare_logs_of_runs(
         step: Called with a text for each log.
 
     Raises:
-        UsageError: A run is a table or standard input, or no log is in both runs.
+        UsageError: A run is a table or standard input, no log is in both runs, or no channel has a field.
         InputError: A folder can't be read.
     """
     runs = []
@@ -53,17 +53,23 @@ def compare_logs_of_runs(
     differing: dict[str, LogDifference] = {}
     unread: dict[str, str] = {}
     paths: dict[str, tuple[str, str]] = {}
+    known_fields: set[str] = set()
     for name, early, late in pairs:
         step(f"comparing the messages of {name}")
         try:
             with Log.open(early) as before, Log.open(late) as after:
                 found = compare_messages(before, after, tolerance_by_field)
+                if not tolerance_by_field.keys() <= known_fields:
+                    known_fields |= field_names(before) | field_names(after)
         except CwcliError as error:
             unread[name] = str(error)
             continue
         if not found.has_no_difference:
             differing[name] = found
             paths[name] = early, late
+    for name in tolerance_by_field.keys() - known_fields if known_fields else ():
+        hint = hint_at_closest_or_all_known_names(name, sorted(known_fields))
+        raise UsageError(f"--fields: no compared channel has the field {name}", hint=hint)
     return RunDifference(differing, len(pairs) - len(unread), unread, paths)
 
 

@@ -117,6 +117,9 @@ def test_the_page_of_identical_runs_has_no_card(runs: Path, tmp_path: Path) -> N
         (("--fields", "speed_mps", "--messages"), "expected NAME=TOLERANCE"),
         (("--fields", "speed_mps=-1", "--messages"), "expected NAME=TOLERANCE"),
         (("--fields", "speed_mps=nan", "--messages"), "expected NAME=TOLERANCE"),
+        (("--fields", "speedd_mps=0.01", "--messages"), "no compared channel has the field speedd_mps"),
+        (("--fields", "speedd_mps=0.01", "--messages"), "did you mean speed_mps"),
+        (("--fields", "speed_mps=0.1,horizon=1", "--messages"), "no compared channel has the field horizon"),
         (("--report", "page.html"), "--report needs --messages"),
     ],
 )
