@@ -217,7 +217,13 @@ def _require_all_shards(shards: Sequence[_ShardFolder]) -> None:
         counts.add(count)
     if len(counts) > 1:
         raise UsageError(f"the shards are of runs in {' and '.join(map(str, sorted(counts)))} parts")
+    wholes = [each.path for each in shards if not isinstance(each.manifest.get(SHARD_KEY), dict)]
     missing = [str(index) for count in counts for index in range(1, count + 1) if index not in numbers]
+    if missing and wholes:
+        raise UsageError(
+            f"{wholes[0]} holds all logs of its run, and {next(iter(numbers.values()))} a part of one",
+            hint="merge all shards of a run, or whole runs",
+        )
     if missing:
         raise InputError(
             f"{len(missing)} of {max(counts)} shards are missing: {', '.join(missing[:10])}", where=str(shards[0].path)

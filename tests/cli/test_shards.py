@@ -163,6 +163,7 @@ def spoil_manifest(path: Path, **changes: object) -> None:
     ("spoil", "names", "code", "words"),
     [
         (None, ("shard1",), EXIT_BAD_INPUT, "1 of 2 shards are missing: 2"),
+        (None, ("whole", "shard1"), EXIT_USAGE, "whole holds all logs of its run, and"),
         (None, ("shard1", "shard1", "shard2"), EXIT_USAGE, "are both shard 1/2"),
         (None, ("shard1", "logs"), EXIT_BAD_INPUT, "the folder holds no run"),
         ({"cwcli": "0.0.1"}, ("shard1", "shard2"), EXIT_USAGE, "another version of cwcli"),
@@ -206,6 +207,7 @@ def test_what_does_not_belong_together_is_refused(
 ) -> None:
     folder = shards_of(runs, tmp_path)
     (folder / "logs").mkdir()
+    shutil.copytree(runs / "whole", folder / "whole")
     if spoil is not None:
         spoil_manifest(folder / "shard2" / "manifest.json", **spoil)
     assert merge(folder, *names) == code
