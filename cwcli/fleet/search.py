@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ class SearchedLog(NamedTuple):
     """A log that is searched.
 
     Attributes:
-        name: Name to show: the id of a run's log, else the name as given.
+        name: Name to show, of this log alone: the id of a run's log, else the name as given.
         path: Absolute path or URL.
     """
 
@@ -47,17 +48,25 @@ class FleetSearch:
 
 
 def logs_to_search(arguments: Sequence[str]) -> list[SearchedLog]:
-    """Return the logs that some arguments name; of a run's output folder its annotated logs.
+    """Return the logs that some arguments name, under names of their own; of a run's folder its annotated logs.
+
+    A name that several logs share gets its argument before it, or gives way to the path.
 
     Raises:
         UsageError: A name is empty, or matches nothing.
         InputError: A run holds no annotated log, or a folder can't be read.
     """
-    found: dict[str, SearchedLog] = {}
+    found: dict[str, tuple[str, SearchedLog]] = {}
     for argument in arguments:
         for each in _logs_of_argument(argument):
-            found.setdefault(each.path, each)
-    return list(found.values())
+            found.setdefault(each.path, (argument, each))
+    uses = Counter(each.name for _, each in found.values())
+    named = [
+        each if uses[each.name] == 1 else SearchedLog(f"{argument.rstrip('/')}/{each.name}", each.path)
+        for argument, each in found.values()
+    ]
+    uses = Counter(each.name for each in named)
+    return [each if uses[each.name] == 1 else SearchedLog(each.path, each.path) for each in named]
 
 
 def _logs_of_argument(argument: str) -> Iterator[SearchedLog]:
