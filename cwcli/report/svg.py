@@ -149,7 +149,7 @@ def strip_svg(
 
 def _axis_number_text(value: float, span: float) -> str:
     """Return a number at an axis, without decimals where the axis spans more than a few units."""
-    return f"{value:.0f}" if span >= 3.0 or value == 0.0 else f"{value:.2g}"
+    return f"{value:z.0f}" if span >= 3.0 or value == 0.0 else f"{value:.2g}"
 
 
 def _svg_element_of_drawing(width_px: int, height_px: int, label: str, content: str) -> str:
