@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 _SURROGATE_PATTERN = re.compile("[\ud800-\udfff]")
 """Code points that are halves of a pair and no characters."""
@@ -31,6 +32,21 @@ def format_first_names(names: Sequence[str], most: int = 3) -> str:
     """Join the first names with commas, at most `most`, and say how many more there are."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def map_to_distinct_endings(names: Iterable[str]) -> dict[str, str]:
+    """Return path -> its last parts, as few as tell it from the other paths."""
+    parts = {name: [part for part in name.split("/") if part] or [name] for name in names}
+    found: dict[str, str] = {}
+    n_parts = 1
+    while len(found) < len(parts):
+        endings = {name: "/".join(each[-n_parts:]) for name, each in parts.items()}
+        uses = Counter(endings.values())
+        for name, ending in endings.items():
+            if name not in found and (uses[ending] == 1 or n_parts >= len(parts[name])):
+                found[name] = ending
+        n_parts += 1
+    return found
 
 
 def escape_surrogates(text: str) -> str:

@@ -73,6 +73,11 @@ class FoundEvent:
     value_name: str
 
     @property
+    def key(self) -> tuple[str, str]:
+        """Log and id: the same drive can be searched in several runs."""
+        return self.log, self.id
+
+    @property
     def duration_s(self) -> float:
         """How long it lasted, s."""
         return (self.moment.end_ns - self.moment.start_ns) / NS_PER_S
@@ -158,7 +163,7 @@ def find_events_in_log(
     if query.events is None:
         value_name = _name_of_reported_quantity(query.node)
         found += [
-            _event_from_moment(key, name, log, EVENT_NAME_OF_EXPRESSION, each, value_name)
+            _event_from_moment(f"{key}\0{query.text}", name, log, EVENT_NAME_OF_EXPRESSION, each, value_name)
             for each in _iter_moments_where_true(evidence, query)
         ]
     for event in query.events or ():

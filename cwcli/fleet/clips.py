@@ -9,16 +9,17 @@ from pathlib import Path
 from cwcli.events.search import FoundEvent
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.cut import MAX_LOG_TIME_NS, CutSpan, cut_log
-from cwcli.output import make_folder
+from cwcli.output import make_folder, refuse_unwritable_targets
 from cwcli.signals.units import NS_PER_S
+from cwcli.text import map_to_distinct_endings
 
 MAX_LOG_NAME_CHARACTERS_IN_CLIP_NAME = 80
 """Longest part of a clip's name that comes from the log's name, in characters; chosen by hand."""
 
 
-def clip_file_name(event: FoundEvent) -> str:
-    """Return the file name of an event's clip: log, event and id."""
-    stem = Path(event.log.rstrip("/")).name.removesuffix(".mcap") or "log"
+def clip_file_name(event: FoundEvent, log_name: str) -> str:
+    """Return the file name of an event's clip: the log's distinct name, event and id."""
+    stem = log_name.removesuffix(".mcap") or "log"
     stem = re.sub(r"[^\w.-]+", "_", stem)[:MAX_LOG_NAME_CHARACTERS_IN_CLIP_NAME]
     return f"{stem}_{event.event}_{event.id}.mcap"
 
@@ -32,10 +33,10 @@ def write_clips(
     margin_s: float,
     force: bool = False,
     step: Callable[[int, str], None] = lambda done, name: None,
-) -> dict[str, str]:
-    """Write the clips of some events; return id of the event -> file name.
+) -> dict[tuple[str, str], str]:
+    """Write the clips of some events; return key of the event -> file name.
 
-    A clip that can't be written leaves those before it.
+    A clip that is there already is refused before the first is written; another error leaves those before it.
 
     Args:
         paths: Name of a log -> its path.
@@ -48,8 +49,12 @@ def write_clips(
         OutputError: The folder or a clip can't be written.
         InputError: A log is damaged.
     """
-    make_folder(folder)
-    file_by_event: dict[str, str] = {}
+    log_names = map_to_distinct_endings(paths)
+    targets = {event.key: Path(folder) / clip_file_name(event, log_names[event.log]) for event in found}
+    if found:
+        make_folder(folder)
+    refuse_unwritable_targets([], list(targets.values()), force=force)
+    file_by_event: dict[tuple[str, str], str] = {}
     by_log: dict[str, list[FoundEvent]] = {}
     for event in found:
         by_log.setdefault(event.log, []).append(event)
@@ -57,11 +62,11 @@ def write_clips(
     for name, events in by_log.items():
         with open_log(paths[name]) as log:
             for event in events:
-                target = Path(folder) / clip_file_name(event)
+                target = targets[event.key]
                 step(len(file_by_event), target.name)
                 span = CutSpan(
                     max(event.moment.start_ns - margin_ns, 0), min(event.moment.end_ns + margin_ns, MAX_LOG_TIME_NS)
                 )
                 cut_log(log, span, target, force=force)
-                file_by_event[event.id] = str(target)
+                file_by_event[event.key] = str(target)
     return file_by_event

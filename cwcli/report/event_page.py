@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -25,7 +26,7 @@ from cwcli.report.frames import Thumbnail, make_thumbnails_and_explain_gaps
 from cwcli.report.svg import MapTrack, TimeAxis, escape_for_html, html_page, map_svg, strip_svg
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
-from cwcli.text import format_count, format_number
+from cwcli.text import format_count, format_number, map_to_distinct_endings
 
 MAX_EVENT_CARDS = 300
 """Greatest number of events with a card; chosen by hand, so that the page stays below 6 MB."""
@@ -58,7 +59,7 @@ def build_event_page(
     open_log: Callable[[str], Log],
     *,
     margin_s: float,
-    clip_addresses: Mapping[str, str],
+    clip_addresses: Mapping[tuple[str, str], str],
     step: Callable[[int, str], None] = lambda done, name: None,
 ) -> bytes:
     """Build the page of some events as HTML, which needs no script and no network.
@@ -68,11 +69,12 @@ def build_event_page(
         paths: Name of a log -> its path.
         open_log: Opens a log by its path.
         margin_s: What the figures show before and after an event, s.
-        clip_addresses: Id of an event -> address of its clip relative to the page; no link without one.
+        clip_addresses: Key of an event -> address of its clip relative to the page; no link without one.
         step: Called with the number of drawn events and the name of the log before it is read.
     """
     shown = found[:MAX_EVENT_CARDS]
-    figures: dict[str, str] = {}
+    figures: dict[tuple[str, str], str] = {}
+    log_names = map_to_distinct_endings(paths)
     by_log: dict[str, list[FoundEvent]] = {}
     for event in shown:
         by_log.setdefault(event.log, []).append(event)
@@ -82,7 +84,15 @@ def build_event_page(
     head = f"{format_count(len(found), 'event')} in {format_count(len(paths), 'searched log')}, the most severe first."
     if len(shown) < len(found):
         head += f" The first {len(shown)} are shown; `-o` writes the table of all."
-    cards = "".join(_event_card_html(each, figures[each.id], clip_addresses.get(each.id, "")) for each in shown)
+    uses: Counter[str] = Counter()
+    cards = ""
+    for each in shown:
+        uses[each.id] += 1
+        anchor = each.id if uses[each.id] == 1 else f"{each.id}-{uses[each.id]}"
+        clip = clip_addresses.get(each.key, "")
+        cards += _event_card_html(each, anchor, log_names[each.log], figures[each.key], clip)
+    if not shown:
+        return html_page("cwcli find", title, f"No event in {format_count(len(paths), 'searched log')}.", "", "")
     legend = (
         f'In the figures <b style="color:{EGO_COLOUR}">the ego is blue</b> and <b style="color:{WARNING_COLOUR}">the '
         "other vehicle is orange</b>. Thick lines and grey areas are the event. North is up."
@@ -90,19 +100,18 @@ def build_event_page(
     return html_page("cwcli find", title, head, legend, cards)
 
 
-def addresses_of_clips(clips: Mapping[str, str], page: str | Path) -> dict[str, str]:
-    """Return id of an event -> address of its clip, relative to the folder of a page."""
+def addresses_of_clips(clips: Mapping[tuple[str, str], str], page: str | Path) -> dict[tuple[str, str], str]:
+    """Return key of an event -> address of its clip, relative to the folder of a page."""
     folder = os.path.abspath(Path(page).parent)  # noqa: PTH100 - links stay as they are
-    return {id: quote(os.path.relpath(path, folder)) for id, path in clips.items()}
+    return {key: quote(os.path.relpath(path, folder)) for key, path in clips.items()}
 
 
-def _event_card_html(event: FoundEvent, figures: str, clip: str) -> str:
-    """Return the card of one event."""
-    log = Path(event.log.rstrip("/")).name or event.log
+def _event_card_html(event: FoundEvent, anchor: str, log: str, figures: str, clip: str) -> str:
+    """Return the card of one event of the log with a name to show."""
     when = f"{event.start_s:.2f} s after the log's start, for {event.duration_s:.2f} s"
     link = f' · <a href="{escape(clip)}">open the clip</a>' if clip else ""
     return (
-        f'<article id="{event.id}"><h2>{escape_for_html(event.event)}: {escape_for_html(event.words)}</h2>'
+        f'<article id="{anchor}"><h2>{escape_for_html(event.event)}: {escape_for_html(event.words)}</h2>'
         f"<p>{escape_for_html(log)}, {when} · severity {format_number(event.moment.severity, 3)} of 10{link}</p>"
         f"<p><small>{escape_for_html(', '.join(event.moment.actors))} · {event.id}</small></p>"
         f'<div class="figures">{figures}</div></article>\n'
@@ -111,19 +120,19 @@ def _event_card_html(event: FoundEvent, figures: str, clip: str) -> str:
 
 def _draw_events_of_log(
     events: Sequence[FoundEvent], path: str, open_log: Callable[[str], Log], margin_s: float
-) -> dict[str, str]:
-    """Return id -> figures of the events of one log; a sentence where there is nothing to draw."""
+) -> dict[tuple[str, str], str]:
+    """Return key -> figures of the events of one log; a sentence where there is nothing to draw."""
     try:
         with open_log(path) as log:
             frames = _frames_html(log, events)
             try:
                 evidence = EventEvidence(log)
-                drawn = {each.id: _map_and_strips_html(_read_scene(evidence, each, margin_s)) for each in events}
+                drawn = {each.key: _map_and_strips_html(_read_scene(evidence, each, margin_s)) for each in events}
             except CwcliError as error:
-                drawn = {each.id: _not_drawn_html(error) for each in events}
-            return {each.id: drawn[each.id] + frames[each.id] for each in events}
+                drawn = {each.key: _not_drawn_html(error) for each in events}
+            return {each.key: drawn[each.key] + frames[each.key] for each in events}
     except CwcliError as error:
-        return {each.id: _not_drawn_html(error) for each in events}
+        return {each.key: _not_drawn_html(error) for each in events}
 
 
 def _not_drawn_html(error: CwcliError) -> str:
@@ -131,22 +140,22 @@ def _not_drawn_html(error: CwcliError) -> str:
     return f"<p><small>Not drawn: {escape_for_html(error.what)}.</small></p>"
 
 
-def _frames_html(log: Log, events: Sequence[FoundEvent]) -> dict[str, str]:
-    """Return id -> the camera's frame at the event's start, with the lane boundaries; "" where there is none.
+def _frames_html(log: Log, events: Sequence[FoundEvent]) -> dict[tuple[str, str], str]:
+    """Return key -> the camera's frame at the event's start, with the lane boundaries; "" where there is none.
 
     Raises:
         CwcliError: The log is damaged.
     """
     topic = find_camera_topic(log, read_run_records(log))
     if not topic:
-        return {each.id: "" for each in events}
+        return {each.key: "" for each in events}
     has_lanes = any(channel.topic == LANES.topic for channel in log.channels)
     lanes = read_lanes(log.columns(LANES.topic)) if has_lanes else None
     starts_ns = [each.moment.start_ns for each in events]
     found, why = make_thumbnails_and_explain_gaps(log, topic, lanes, starts_ns, is_part=True)
     missing = f"<p><small>No camera frame: {escape_for_html(why)}.</small></p>" if why else ""
     return {
-        each.id: _frame_html(each, found[each.moment.start_ns]) if each.moment.start_ns in found else missing
+        each.key: _frame_html(each, found[each.moment.start_ns]) if each.moment.start_ns in found else missing
         for each in events
     }
 

@@ -215,3 +215,31 @@ def test_a_frame_that_is_no_picture_is_told(folder: Path, tmp_path: Path) -> Non
 
 def test_gaps_are_found_without_states(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert found(capsys, str(folder / "raw.mcap"), "sensor-gap or gnss-outage")["events"] == []
+
+
+def test_one_drive_in_two_folders_keeps_its_clips_and_its_names_apart(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    logs, clips, page = [tmp_path / "x" / "d.mcap", tmp_path / "y" / "d.mcap"], tmp_path / "clips", tmp_path / "p.html"
+    for log in logs:
+        log.parent.mkdir()
+        log.write_bytes((folder / "cut-in.mcap").read_bytes())
+    arguments = (*map(str, logs), "cut-in", "--clips", str(clips), "--report", str(page))
+    events = found(capsys, *arguments)["events"]
+    assert isinstance(events, list)
+    assert sorted(Path(each["clip"]).name[:8] for each in events) == ["x_d_cut-", "y_d_cut-"]
+    anchors = re.findall(r'<article id="([^"]+)"', page.read_text(encoding="utf-8"))
+    assert len(anchors) == len(set(anchors)) == len(events) == 2
+    assert run_command_line(["find", *arguments[:2], "cut-in"]) == EXIT_DONE
+    assert set(re.findall(r"^ *([xy]/d\.mcap)", capsys.readouterr().out, re.MULTILINE)) == {"x/d.mcap", "y/d.mcap"}
+    (clips / Path(events[0]["clip"]).name).unlink()
+    assert run_command_line(["find", *arguments[:5]]) != EXIT_DONE
+    assert len(list(clips.iterdir())) == 1  # the clip that is there is refused before another is written
+
+
+def test_two_expressions_that_begin_together_have_ids_of_their_own(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = str(folder / "cut-in.mcap")
+    ids = [found(capsys, log, f"ego.speed_mps > {limit}")["events"][0]["id"] for limit in (0.5, 1.0)]  # type: ignore[index]
+    assert ids[0] != ids[1]

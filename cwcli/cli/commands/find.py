@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cwcli.cli.console import Console
@@ -19,6 +19,7 @@ from cwcli.cli.targets import check_file_suffix, check_outputs_and_list_file_nam
 from cwcli.cli.text import format_count, join_names, shorten_and_escape
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
+from cwcli.text import map_to_distinct_endings
 
 if TYPE_CHECKING:
     from cwcli.events.search import FoundEvent
@@ -144,7 +145,7 @@ def command(
             step=lambda k, name: progress.begin_step(f"searching {name} ({k + 1} of {len(sources)})"),
         )
         listed = search.found[: results.limit]
-        clips: dict[str, str] = {}
+        clips: dict[tuple[str, str], str] = {}
         if results.clips is not None:
             clips = write_clips(
                 listed,
@@ -173,7 +174,7 @@ def command(
         return
     _print_search(console, search, listed, query.text)
     print_written_files(console, output_names)
-    if clips:
+    if results.clips is not None:
         console.print_summary(f"wrote {format_count(len(clips), 'clip')} into {shorten_and_escape(str(results.clips))}")
 
 
@@ -185,9 +186,10 @@ def _print_search(console: Console, search: FleetSearch, listed: tuple[FoundEven
         + (f", the {len(listed)} most severe" if len(listed) < len(search.found) else "")
     )
     if listed:
+        log_names = map_to_distinct_endings(search.paths)
         rows = [
             (
-                shorten_and_escape(PurePosixPath(each.log).name or each.log),
+                shorten_and_escape(log_names[each.log]),
                 each.event,
                 each.start_s,
                 each.duration_s,
@@ -226,7 +228,9 @@ def _events_by_number_of_logs_that_lack_channels(n_logs_by_event: Mapping[str, i
     return events
 
 
-def _search_as_json(search: FleetSearch, listed: tuple[FoundEvent, ...], clips: dict[str, str]) -> dict[str, Any]:
+def _search_as_json(
+    search: FleetSearch, listed: tuple[FoundEvent, ...], clips: dict[tuple[str, str], str]
+) -> dict[str, Any]:
     """The content of `--json`."""
     return {
         "logs": len(search.paths),
@@ -246,7 +250,7 @@ def _search_as_json(search: FleetSearch, listed: tuple[FoundEvent, ...], clips: 
                 "severity": each.moment.severity,
                 "detail": each.moment.detail,
                 "words": each.words,
-                "clip": clips.get(each.id),
+                "clip": clips.get(each.key),
             }
             for each in listed
         ],
