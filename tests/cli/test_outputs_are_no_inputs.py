@@ -392,6 +392,7 @@ OPENERS = {
     "fleet/folder.py": "what an earlier run into the same folder has done",
     "fleet/tables.py": "both ends of the tables that an earlier run into the same folder has written",
     "fleet/run.py": "the lock of the output folder",
+    "fleet/remote_folder.py": "the lock of a working folder of its own",
     "bounded_child.py": "a pipe to its parent, and the size of its own process",
     "cli/main.py": "the null device",
     "conformance/cache.py": "results of earlier trials, which only `cwcli conform --cache` writes",
