@@ -21,7 +21,7 @@ from cwcli.events.evidence import EventEvidence
 VERDICT_OF_WARNING_WITHOUT_TRACK = "no verdict"
 """The verdict on a warning about something without a track, such as a lane boundary."""
 THRESHOLD_IN_WORDS = "for the severity: 2.5 m between the centres, or `--distance` of `cwcli warn`"
-"""What the severity of a warning compares the smallest distance with, in words."""
+"""Threshold that the severity of a warning compares the least distance with; the words of the table of events."""
 
 
 def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterator[Moment]:

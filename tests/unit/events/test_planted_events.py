@@ -63,7 +63,7 @@ def test_clip_holds_the_event_with_its_id(tmp_path: Path) -> None:
     path = write_drive(planted_drive("cut-in", seed=3), tmp_path / "drive.mcap", seed=3)
     (hit,) = found_in(path, "cut-in")
     written = write_clips([hit], {hit.log: str(path)}, tmp_path / "clips", Log.open, margin_s=5.0)
-    (again,) = found_in(Path(written[hit.id]), "cut-in")
+    (again,) = found_in(Path(written[hit.key]), "cut-in")
     assert (again.id, again.moment.start_ns, again.moment.end_ns) == (hit.id, hit.moment.start_ns, hit.moment.end_ns)
 
 
