@@ -46,7 +46,7 @@ def compare_logs_of_runs(
     for source in (baseline, candidate):
         if source == "-" or source.lower().endswith(".parquet"):
             raise UsageError("--messages compares annotated logs", where=source, hint="name a log or a run's folder")
-        runs.append(logs_to_search([source]))
+        runs.append([each for each in logs_to_search([source]) if each.path])
     pairs = _names_and_paths_of_common_logs(*runs)
     if not pairs:
         raise UsageError(f"{baseline} and {candidate} have no log in common, so nothing can be compared")

@@ -24,7 +24,7 @@ class SearchedLog(NamedTuple):
 
     Attributes:
         name: Name to show, of this log alone: the id of a run's log, else the name as given.
-        path: Absolute path or URL.
+        path: Absolute path or URL; "" for a log of a run that left no annotated log.
     """
 
     name: str
@@ -59,7 +59,7 @@ def logs_to_search(arguments: Sequence[str]) -> list[SearchedLog]:
     found: dict[str, tuple[str, SearchedLog]] = {}
     for argument in arguments:
         for each in _logs_of_argument(argument):
-            found.setdefault(each.path, (argument, each))
+            found.setdefault(each.path or f"{argument}\0{each.name}", (argument, each))
     uses = Counter(each.name for _, each in found.values())
     named = [
         each if uses[each.name] == 1 else SearchedLog(f"{argument.rstrip('/')}/{each.name}", each.path)
@@ -79,9 +79,8 @@ def _logs_of_argument(argument: str) -> Iterator[SearchedLog]:
         for name, path in expand_sources([argument]):
             yield SearchedLog(name, path)
         return
-    found = ((log.id, log.find_annotated_log()) for log in run.logs)
-    logs = [SearchedLog(id, path) for id, path in found if path is not None]
-    if not logs:
+    logs = [SearchedLog(log.id, log.find_annotated_log() or "") for log in run.logs]
+    if not any(each.path for each in logs):
         raise InputError("the run holds no annotated log", where=run.name_of_file(run.path / MANIFEST_NAME))
     yield from logs
 
@@ -112,6 +111,8 @@ def find_in_logs(
     for k, each in enumerate(logs):
         step(k, each.name)
         try:
+            if not each.path:
+                raise InputError("its run left no annotated log of it")
             with open_log(each.path) as log:
                 searched = find_events_in_log(log, query, other_system, each.name)
         except UsageError:

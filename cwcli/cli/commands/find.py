@@ -19,7 +19,7 @@ from cwcli.cli.targets import check_file_suffix, check_outputs_and_list_file_nam
 from cwcli.cli.text import format_count, join_names, shorten_and_escape
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
-from cwcli.text import map_to_distinct_endings
+from cwcli.text import format_first_names, map_to_distinct_endings
 
 if TYPE_CHECKING:
     from cwcli.events.search import FoundEvent
@@ -180,9 +180,10 @@ def command(
 
 def _print_search(console: Console, search: FleetSearch, listed: tuple[FoundEvent, ...], text: str) -> None:
     """Print the events, the most severe first, and what could not be searched."""
-    n_logs = len(search.paths)
+    n_logs, n_failed = len(search.paths), len(search.failed)
+    logs = (f"{n_logs - n_failed} of " if n_failed else "") + format_count(n_logs, "log")
     console.print_heading(
-        f"find {text}: {format_count(len(search.found), 'event')} in {format_count(n_logs, 'log')}"
+        f"find {text}: {format_count(len(search.found), 'event')} in {logs}"
         + (f", the {len(listed)} most severe" if len(listed) < len(search.found) else "")
     )
     if listed:
@@ -217,8 +218,12 @@ def _print_search(console: Console, search: FleetSearch, listed: tuple[FoundEven
         console.print_note(
             f"{join_names(events)}: not searched in {format_count(n, 'log')} without the channels that this needs"
         )
+    names_by_reason: dict[str, list[str]] = {}
     for name, error in search.failed:
-        console.print_note(f"{shorten_and_escape(name)} was not searched: {error.what}")
+        names_by_reason.setdefault(error.what, []).append(name)
+    for reason, names in names_by_reason.items():
+        verb = "was" if len(names) == 1 else "were"
+        console.print_note(f"{shorten_and_escape(format_first_names(names))} {verb} not searched: {reason}")
 
 
 def _events_by_number_of_logs_that_lack_channels(n_logs_by_event: Mapping[str, int]) -> dict[int, list[str]]:

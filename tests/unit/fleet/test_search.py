@@ -6,7 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from cwcli.events.search import parse_query
 from cwcli.fleet import search
+from cwcli.logs.read.reader import Log
+from tests.cli.conftest import ROOT
 
 
 def test_logs_of_one_id_in_two_runs_keep_names_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -22,4 +25,18 @@ def test_logs_of_one_id_in_two_runs_keep_names_of_their_own(monkeypatch: pytest.
         ("bend", "/runA/logs/bend.mcap"),
         ("runA/curve", "/runA/logs/curve.mcap"),
         ("runB/curve", "/runB/logs/curve.mcap"),
+    ]
+
+
+def test_a_log_that_failed_in_its_run_is_named_and_not_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    curve = str(ROOT / "sample_logs" / "curve.mcap")
+    logs = [
+        SimpleNamespace(id=id, find_annotated_log=lambda path=path: path)
+        for id, path in (("bend", None), ("curve", curve), ("dip", None))
+    ]
+    monkeypatch.setattr(search, "read_run_or_none", lambda argument: SimpleNamespace(logs=logs))
+    found = search.find_in_logs(search.logs_to_search(["run"]), parse_query("all"), Log.open)
+    assert [(name, error.what) for name, error in found.failed] == [
+        ("bend", "its run left no annotated log of it"),
+        ("dip", "its run left no annotated log of it"),
     ]
