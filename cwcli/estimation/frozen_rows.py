@@ -7,7 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.odd_sensors import MAX_REPEATED_ROW_SHARE, MIN_STUCK_DURATION_S, MIN_STUCK_ROWS, stuck_row_mask
+from cwcli.estimation.odd_sensors import (
+    MAX_REPEATED_ROW_SHARE_OF_OTHERS,
+    MIN_STUCK_DURATION_S,
+    MIN_STUCK_ROWS,
+    stuck_row_mask,
+)
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, ValueRows, median_of_values
 
@@ -74,7 +79,7 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows, fixes: Fi
         return _saturated_gyroscope_mask(values) | _repeated_row_mask(time_s, values, lambda begin_s, end_s: True)
     if kind in (Kind.SPEED, Kind.VELOCITY):
         zero = (values == 0.0).all(axis=1)
-        if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATED_ROW_SHARE:
+        if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATED_ROW_SHARE_OF_OTHERS:
             return stuck_row_mask(kind, time_s, values)
         frozen = np.zeros(len(time_s), np.bool_)
         for begin, end in _begin_and_end_of_true_stretches(zero, MIN_STUCK_ROWS):
@@ -110,7 +115,7 @@ def _frozen_fix_while_moving_mask(time_s: FloatArray, fixes_m: EastNorthRows) ->
             is_held[begin + 1 : end + 1] = way_m > MIN_MOVING_SPEED_MPS * (time_s[end + 1] - time_s[begin])
     elsewhere = same[~is_held[1:]]
     # Of fixes that are repeated all the time `repeated_rows` knows more.
-    is_usual = len(elsewhere) > 0 and elsewhere.mean() >= MAX_REPEATED_ROW_SHARE
+    is_usual = len(elsewhere) > 0 and elsewhere.mean() >= MAX_REPEATED_ROW_SHARE_OF_OTHERS
     return np.zeros(len(time_s), np.bool_) if is_usual else is_held
 
 
@@ -176,7 +181,7 @@ def _repeated_row_mask(time_s: FloatArray, values: ValueRows, is_fault: Callable
             if is_fault(time_s[begin], time_s[end]):
                 frozen[begin + 1 : end + 1] = True
     elsewhere = same[~long[1:]]
-    is_usual = not len(elsewhere) or elsewhere.mean() >= MAX_REPEATED_ROW_SHARE
+    is_usual = not len(elsewhere) or elsewhere.mean() >= MAX_REPEATED_ROW_SHARE_OF_OTHERS
     if is_usual or _continues_smoothly_after_repetitions(values, long):
         return np.zeros(len(time_s), np.bool_)
     return frozen

@@ -33,7 +33,7 @@ N_FIRST_ROWS_COMPARED = 4
 """Number of first rows that are compared. Chosen by hand; not fitted."""
 MIN_STUCK_ROWS, MIN_STUCK_DURATION_S = 20, 2.0
 """Least number of repeated rows and least duration (s) of a stuck source. Chosen by hand; not fitted."""
-MAX_REPEATED_ROW_SHARE = 0.1
+MAX_REPEATED_ROW_SHARE_OF_OTHERS = 0.1
 """Greatest share of repeats in the other rows: a coarse signal repeats more often. Chosen by hand; not fitted."""
 
 
@@ -122,4 +122,4 @@ def stuck_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows) -> npt.NDA
         if end - begin >= MIN_STUCK_ROWS and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             stuck[begin + 1 : end + 1] = True
     elsewhere = same[~stuck[1:]]
-    return stuck if len(elsewhere) and elsewhere.mean() < MAX_REPEATED_ROW_SHARE else np.zeros(n, np.bool_)
+    return stuck if len(elsewhere) and elsewhere.mean() < MAX_REPEATED_ROW_SHARE_OF_OTHERS else np.zeros(n, np.bool_)

@@ -29,7 +29,7 @@ PAIR_PATTERNS = (
     (BARE_PAIR_REASON, rf"^{_BARE_PAIR_REGEX}$"),
 )
 """Reasons why a text is a latitude and a longitude, and the patterns of the text."""
-PAIR_WORDS = frozenset(
+WORDS_OF_POSITION_PAIR_COLUMN = frozenset(
     "coordinates coordinate coords position location latlng latlon latlong gps geo point where".split()  # noqa: SIM905
 )
 """Words of a column's name of which one must be there for two bare numbers to be a place."""
@@ -55,7 +55,7 @@ def _pattern_of_pairs(column: str, array: Any) -> tuple[str, str] | None:
 
     texts = pc.drop_null(trimmed_texts_or_null(array))
     for why, pattern in PAIR_PATTERNS:
-        if why == BARE_PAIR_REASON and not PAIR_WORDS & set(split_name(column).words):
+        if why == BARE_PAIR_REASON and not WORDS_OF_POSITION_PAIR_COLUMN & set(split_name(column).words):
             continue
         n_found = int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
         if n_found and n_found >= MIN_PAIR_SHARE * len(texts):

@@ -99,7 +99,7 @@ def predict_paths_from_observer(
     t = np.arange(round(config.horizon_s / config.step_s) + 1, dtype=np.float64) * config.step_s
     v = np.asarray(track.speed_mps, dtype=np.float64)[:, None]
     if config.model == "cwcli":
-        v = np.maximum(v + recent_shrunk_acceleration_mps2(track)[:, None] * t, 0.0)
+        v = np.maximum(v + recent_shrunk_speed_slope_mps2(track)[:, None] * t, 0.0)
     lateral, yaw_rate = track.state[:, 0:1], track.state[:, 1:2]
     reach_m = np.maximum(np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m, MIN_PREVIEW_DISTANCE_M)
     if config.model == "zhang2011":
@@ -166,7 +166,7 @@ def road_curvature_here_and_ahead_1pm(track: LateralTrack, reach_m: FloatArray) 
     return curvature_here_1pm, filled
 
 
-def recent_shrunk_acceleration_mps2(track: LateralTrack) -> FloatArray:
+def recent_shrunk_speed_slope_mps2(track: LateralTrack) -> FloatArray:
     """Slope of the speed over the last second, m/s^2, shape (n,); 0 where it is not known.
 
     The slope a is shrunk by its own sigma: a (1 - (2 sigma / a)^2), or 0. Over 2 s the error of an unshrunk slope would

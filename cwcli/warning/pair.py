@@ -125,7 +125,7 @@ def evaluate_pairs(
                 window = _HostWindow(host, other, own, points, first)
                 done.append(_evaluate_window(window, rows, rule, config, persistence_s, time_s))
     return tuple(
-        _join_windows(host, other, pairing, done, config, persistence_s)
+        _join_windows_and_find_events(host, other, pairing, done, config, persistence_s)
         for other, pairing, done in zip(others, pairings, parts, strict=True)
     )
 
@@ -213,7 +213,7 @@ def _evaluate_window(
     return _WindowEvaluation(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()), kinds)
 
 
-def _join_windows(
+def _join_windows_and_find_events(
     host: VehicleTrack,
     other: VehicleTrack,
     pairing: StatePairing,

@@ -86,7 +86,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     converted, left_messages, left_fields, unreadable = [], {}, {}, {}
     for topic, name in ros_topic_names(known).items():
         try:
-            channel, left_messages[topic], left_fields[topic] = _convert_channel_and_count_left_out(
+            channel, left_messages[topic], left_fields[topic] = _convert_channel_and_get_left_out_fields(
                 log, topic, name, local_map
             )
         except DataError as error:
@@ -141,7 +141,7 @@ def ros_topic_names(topics: Iterable[str]) -> dict[str, str]:
     return names
 
 
-def _convert_channel_and_count_left_out(
+def _convert_channel_and_get_left_out_fields(
     log: Log, topic: str, name: str, local_map: LocalMap | None
 ) -> tuple[OutputChannel, dict[str, int], list[str]]:
     """Convert a channel; returns it, the number of messages left out by field, and the names of fields left out."""

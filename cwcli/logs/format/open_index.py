@@ -12,7 +12,7 @@ from cwcli.logs.format.faults import RECOVER_HINT, Faults, not_mcap_error
 from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.join_indexes import join_indexes
 from cwcli.logs.format.joined_file import JoinedFile
-from cwcli.logs.format.part_order import arrange_parts, note_unreadable_part
+from cwcli.logs.format.part_order import note_unreadable_part, order_parts_and_leave_out_repeated
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
     ChunkIndex,
@@ -98,7 +98,7 @@ def _index_parts(file: JoinedFile, read: Callable[[InputFile], LogIndex], *, rec
     indexes = [index for _, index in found]
     if not file.has_final_part_order:
         file.keep_only_parts([part for part, _ in found])
-        indexes = arrange_parts(file, indexes)
+        indexes = order_parts_and_leave_out_repeated(file, indexes)
     return join_indexes(file, indexes)
 
 

@@ -29,7 +29,7 @@ _NUMBERED_FILE_NAME = re.compile(r"^(.*?)(\d+)((?:\.[A-Za-z]\w*)*)$")
 """The pattern of a file name that ends with a number: stem, number, suffixes."""
 
 
-def arrange_parts(file: JoinedFile, indexes: Sequence[LogIndex]) -> list[LogIndex]:
+def order_parts_and_leave_out_repeated(file: JoinedFile, indexes: Sequence[LogIndex]) -> list[LogIndex]:
     """Order the parts by their first messages, leave out repeated ones, and return the indexes in the new order.
 
     `file.notes` gets parts that are missing by their numbers, gaps between parts, repeated parts, parts that overlap in

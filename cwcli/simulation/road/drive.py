@@ -223,7 +223,7 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     driver = SwayingDriver(wander_rad=wander_rad)
     if any(getattr(config, name) != getattr(RoadDriveConfig, name) for name in CONFIG_FIELDS_OF_ROAD_DEFECTS):
         own = random_stream(config.seed, "road-drive", "defects")
-        knots_m, curvature, vertical = _knots_and_curvatures_with_bends_and_ramps(
+        knots_m, curvature, vertical = _fine_knots_with_drawn_bend_and_ramp_curvature(
             config, knots_m, curvature, vertical, own
         )
         scene = _add_configured_difficulties_to_scene(scene, config, length_m, own)
@@ -242,16 +242,16 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     return RoadDrive(config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, pitch_rad)
 
 
-def _knots_and_curvatures_with_bends_and_ramps(
+def _fine_knots_with_drawn_bend_and_ramp_curvature(
     config: RoadDriveConfig, knots_m: FloatArray, curvature: FloatArray, vertical: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Knots, curvature and crests with mountain bends and ramps, if the configuration has them."""
     if not (config.bends_1pm or config.ramp_degps):
         return knots_m, curvature, vertical
     fine_m = np.arange(knots_m[0], knots_m[-1], FINE_KNOT_M)
-    added_curvature_1pm = draw_mountain_curvature_1pm(fine_m, config.bends_1pm, rng)
-    added_curvature_1pm += draw_ramp_curvature_1pm(fine_m, math.radians(config.ramp_degps), config.speed_mps, rng)
-    return fine_m, added_curvature_1pm, np.interp(fine_m, knots_m, vertical)
+    fine_curvature_1pm = draw_mountain_curvature_1pm(fine_m, config.bends_1pm, rng)
+    fine_curvature_1pm += draw_ramp_curvature_1pm(fine_m, math.radians(config.ramp_degps), config.speed_mps, rng)
+    return fine_m, fine_curvature_1pm, np.interp(fine_m, knots_m, vertical)
 
 
 def _add_configured_difficulties_to_scene(

@@ -14,7 +14,7 @@ from cwcli.prediction.lateral import (
     LateralPathConfig,
     dead_reckon_x_y_m_and_heading_rad,
     predict_paths_from_observer,
-    recent_shrunk_acceleration_mps2,
+    recent_shrunk_speed_slope_mps2,
     transform_paths_to_map,
 )
 from cwcli.prediction.lateral_calibrate import scale_covariance_across_path, sigma_factors_across_path_by_time
@@ -93,18 +93,18 @@ def test_scatter_of_the_speed_is_no_acceleration() -> None:
     """20 Hz, 0.05 m/s: the slope over 1 s scatters by 0.036 m/s^2, in 2 s 7 cm; nearly all of it is cut."""
     scatter = np.random.default_rng(1).normal(0.0, 0.05, 2000)
     track = replace(track_of(2000), stamp_ns=np.arange(2000, dtype=np.int64) * 50_000_000, speed_mps=25.0 + scatter)
-    accel = recent_shrunk_acceleration_mps2(track)
+    accel = recent_shrunk_speed_slope_mps2(track)
     assert np.sqrt(np.mean(accel**2)) < 0.02
     braking = replace(track, speed_mps=25.0 + scatter - 2.0 * 0.05 * np.arange(2000))
-    np.testing.assert_allclose(recent_shrunk_acceleration_mps2(braking)[30:], -2.0, atol=0.2)
+    np.testing.assert_allclose(recent_shrunk_speed_slope_mps2(braking)[30:], -2.0, atol=0.2)
 
 
 def test_no_acceleration_from_few_frames_or_beyond_a_gap() -> None:
     track = replace(track_of(6), speed_mps=np.array([20.0, 21.0, 22.0, np.nan, 23.0, 24.0]))
-    assert recent_shrunk_acceleration_mps2(track)[:4].tolist() == [0.0, 0.0, 0.0, 0.0]
+    assert recent_shrunk_speed_slope_mps2(track)[:4].tolist() == [0.0, 0.0, 0.0, 0.0]
     gap = replace(track_of(6), stamp_ns=np.arange(6, dtype=np.int64) * 2_000_000_000, speed_mps=np.arange(6.0))
-    assert not recent_shrunk_acceleration_mps2(gap).any()
-    assert len(recent_shrunk_acceleration_mps2(track_of(0))) == 0
+    assert not recent_shrunk_speed_slope_mps2(gap).any()
+    assert len(recent_shrunk_speed_slope_mps2(track_of(0))) == 0
 
 
 def test_a_steady_acceleration_goes_on() -> None:
