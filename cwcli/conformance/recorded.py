@@ -100,7 +100,7 @@ def judge_log(clause_name: str, place: LogTrial, config: ConformConfig) -> Claus
         trial, encounter = _find_driven_trial_and_encounter(clause, encounters, place)
         result = _check_and_judge_recorded_trial(clause, trial, encounter, warnings, config, place)
     settings = {"log": place.name, **settings_of_clause_run(clause, config)}
-    del settings["grade"]
+    settings.pop("grade", None)  # a recorded trial has its own noise
     if place.system:
         settings = {"log": place.name, "system": place.system} | {
             name: value for name, value in settings.items() if name == "policy"

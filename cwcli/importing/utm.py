@@ -7,9 +7,8 @@ import re
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.perceived import WGS84_EQUATOR_RADIUS_M, WGS84_FLATTENING
 
-SEMI_MAJOR_AXIS_M, FLATTENING = 6_378_137.0, 1.0 / 298.257223563
-"""Semi-major axis in m and flattening of WGS84 (EPSG:7030)."""
 SCALE_AT_CENTRAL_MERIDIAN, FALSE_EASTING_M, FALSE_NORTHING_OF_SOUTH_M = 0.9996, 500_000.0, 10_000_000.0
 """Scale, easting of the central meridian in m, and northing of the equator in m for the south (DMA TM8358.2)."""
 MAX_UTM_ZONE = 60
@@ -40,8 +39,8 @@ def geographic_of_utm_deg(
     By Krueger's series to the third order of the third flattening (Karney 2011, J. Geodesy 85, eq. 15, 36 and 19 to
     21): a millimeter within the zone.
     """
-    n = FLATTENING / (2.0 - FLATTENING)
-    radius_m = SEMI_MAJOR_AXIS_M / (1.0 + n) * (1.0 + n**2 / 4.0 + n**4 / 64.0)
+    n = WGS84_FLATTENING / (2.0 - WGS84_FLATTENING)
+    radius_m = WGS84_EQUATOR_RADIUS_M / (1.0 + n) * (1.0 + n**2 / 4.0 + n**4 / 64.0)
     betas = (
         n / 2.0 - 2.0 / 3.0 * n**2 + 37.0 / 96.0 * n**3,
         n**2 / 48.0 + n**3 / 15.0,
@@ -55,7 +54,7 @@ def geographic_of_utm_deg(
         xi_sphere -= beta * np.sin(2 * k * xi) * np.cosh(2 * k * eta)
         eta_sphere -= beta * np.cos(2 * k * xi) * np.sinh(2 * k * eta)
     tangent_of_conformal = np.sin(xi_sphere) / np.hypot(np.sinh(eta_sphere), np.cos(xi_sphere))
-    eccentricity = np.sqrt(FLATTENING * (2.0 - FLATTENING))
+    eccentricity = np.sqrt(WGS84_FLATTENING * (2.0 - WGS84_FLATTENING))
     tangent = tangent_of_conformal / (1.0 - eccentricity**2)
     for _ in range(5):  # Newton's method, which doubles the digits
         root = np.hypot(1.0, tangent)

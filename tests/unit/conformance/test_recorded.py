@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -217,6 +218,14 @@ def test_clauses_that_a_log_does_not_hold_are_not_judged(tmp_path: Path) -> None
     assert results[0].notes == ("etsi-101-539: not judged: it has no tolerances of recorded trials",)
     with pytest.raises(DataError, match="it holds no trial of the clauses"):
         judge_log_by_clauses(["etsi-101-539", "j2945-1"], place, CONFIG)
+
+
+def test_a_clause_whose_trials_name_their_rule_is_judged_too(tmp_path: Path) -> None:
+    text = (files("cwcli.conformance") / "clauses" / f"{CLAUSE}.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(text.replace("\ngiven = ", '\nrule = "cwcli"\ngiven = '), encoding="utf-8")
+    result = judge_log(str(tmp_path / "mine.toml"), write_trial(tmp_path / "a.mcap", 0), CONFIG)
+    assert outcomes(result) == {"lead vehicle stopped": PASSED}
+    assert result.settings["rule"] == "cwcli"
 
 
 def test_a_failed_recording_fails(tmp_path: Path) -> None:
