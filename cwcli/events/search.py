@@ -94,13 +94,8 @@ class FoundEvent:
     @property
     def words(self) -> str:
         """What happened, with the value and its unit, for people."""
-        if self.moment.words:
-            return self.moment.words
-        unit = unit_of_column(self.value_name)
-        name = self.value_name.removesuffix(self.value_name.rpartition("_")[2]) if unit else self.value_name
-        value = self.moment.value
-        known = f"{name.replace('_', ' ').strip()} {format_number(value)} {unit}".strip() if np.isfinite(value) else ""
-        return ", ".join(filter(None, (known, self.moment.detail)))
+        known = _describe_value(self.value_name, self.moment.value)
+        return self.moment.words or ", ".join(filter(None, (known, self.moment.detail)))
 
 
 @dataclass(frozen=True)
@@ -206,6 +201,13 @@ def table_of_events(events: Sequence[FoundEvent]) -> Table:
     return Table("events", columns, docs)
 
 
+def _describe_value(name: str, value: float) -> str:
+    """Return a value with its name and unit in words; "" where it is not known."""
+    unit = unit_of_column(name)
+    name = name.removesuffix(name.rpartition("_")[2]) if unit else name
+    return f"{name.replace('_', ' ').strip()} {format_number(value)} {unit}".strip() if np.isfinite(value) else ""
+
+
 def _event_from_moment(key: str, name: str, log: Log, event: str, moment: Moment, value_name: str) -> FoundEvent:
     """Return a moment as an event of a log, with its id."""
     text = "\0".join((key, event, str(moment.start_ns), *moment.actors, moment.detail))
@@ -257,6 +259,17 @@ def _iter_event_names(node: Node) -> Iterator[str]:
         yield from _iter_event_names(node.inner)
 
 
+def _reach_of_anchor_ns(node: Near) -> tuple[int, int]:
+    """Return how long before and after a moment the other condition may hold [ns]."""
+    within_ns = round(node.within_s * NS_PER_S)
+    return within_ns * (node.relation != "before"), within_ns * (node.relation != "after")
+
+
+def _words_of_moment(event: str, moment: Moment) -> str:
+    """Return what happened in a moment of a named event, for people."""
+    return FoundEvent("", "", event, moment, 0.0, EVENTS[event].value_name).words
+
+
 def _iter_moments_where_true(evidence: EventEvidence, query: Query) -> Iterator[Moment]:
     """Yield the moments in which an expression holds, for each other vehicle if it is about one."""
     for comparison in _iter_comparisons(query.node):
@@ -287,7 +300,10 @@ class _Evaluation:
         self._evidence, self._moments, self._grid_ns, self._other_id = evidence, moments, grid_ns, other_id
 
     def iter_moments(self, node: Node, actors: tuple[str, ...]) -> Iterator[Moment]:
-        """Yield the moments in which the expression holds, with the extreme of its first comparison."""
+        """Yield the moments in which the expression holds, with the extreme of its first comparison.
+
+        Vehicles, words and severity are those of the events in it; the severity is that of the first one.
+        """
         spans: list[tuple[int, int]] = []
         for first, last in first_and_last_rows_of_runs(self._mask_where_condition_holds(node)):
             if spans and self._grid_ns[first] - self._grid_ns[spans[-1][1]] < MAX_PAUSE_IN_EVENT_S * NS_PER_S:
@@ -299,7 +315,39 @@ class _Evaluation:
             value, severity = np.nan, 1.0
             if value_of is not None:
                 value, severity = self._extreme_and_severity(value_of, slice(first, last + 1))
-            yield Moment(int(self._grid_ns[first]), int(self._grid_ns[last]), actors, value, severity)
+            start_ns, end_ns = int(self._grid_ns[first]), int(self._grid_ns[last])
+            events: dict[str, Moment] = {}
+            for name, each in self._iter_moments_behind(node, start_ns, end_ns):
+                if name not in events or each.severity > events[name].severity:
+                    events[name] = each
+            others = (actor for each in events.values() for actor in each.actors if actor != "ego")
+            words = [_describe_value(_name_of_reported_quantity(node), value)]
+            words += [f"{name}: {_words_of_moment(name, each)}" for name, each in events.items()]
+            severity = next((each.severity for each in events.values()), severity)
+            known = tuple(dict.fromkeys((*actors, *others)))
+            yield Moment(start_ns, end_ns, known, value, severity, words="; ".join(filter(None, words)))
+
+    def _iter_moments_behind(self, node: Node, start_ns: int, end_ns: int) -> Iterator[tuple[str, Moment]]:
+        """Yield name and moment of the events that make an expression hold from a start to an end."""
+        if isinstance(node, EventName):
+            for each in self._moments_with_other(node.name):
+                if each.start_ns <= end_ns and each.end_ns >= start_ns:
+                    yield node.name, each
+        elif isinstance(node, AndOr):
+            for part in node.parts:
+                yield from self._iter_moments_behind(part, start_ns, end_ns)
+        elif isinstance(node, Lasting | Near):
+            yield from self._iter_moments_behind(node.inner, start_ns, end_ns)
+            if isinstance(node, Near):
+                back_ns, ahead_ns = _reach_of_anchor_ns(node)
+                yield from self._iter_moments_behind(node.anchor, start_ns - back_ns, end_ns + ahead_ns)
+
+    def _moments_with_other(self, name: str) -> Iterator[Moment]:
+        """Yield the moments of an event; if the expression is about another vehicle, those with no other than it."""
+        for each in self._moments[name]:
+            others = [actor for actor in each.actors[1:] if actor in self._evidence.tracks.others]
+            if self._other_id is None or not others or self._other_id in others:
+                yield each
 
     def _extreme_and_severity(self, comparison: Comparison, rows: slice) -> tuple[float, float]:
         """Return the value of the first quantity that is farthest beyond its constant, and by how many times."""
@@ -341,11 +389,9 @@ class _Evaluation:
     def _mask_where_event_happens(self, name: str) -> BoolArray:
         """Return where an event happens, with the other vehicle if the expression is about one."""
         holds = np.zeros(len(self._grid_ns), np.bool_)
-        for each in self._moments[name]:
-            others = [actor for actor in each.actors[1:] if actor in self._evidence.tracks.others]
-            if self._other_id is None or not others or self._other_id in others:
-                first = np.searchsorted(self._grid_ns, each.start_ns, side="left")
-                holds[first : np.searchsorted(self._grid_ns, each.end_ns, side="right")] = True
+        for each in self._moments_with_other(name):
+            first = np.searchsorted(self._grid_ns, each.start_ns, side="left")
+            holds[first : np.searchsorted(self._grid_ns, each.end_ns, side="right")] = True
         return holds
 
     def _mask_of_long_stretches(self, holds: BoolArray, min_s: float) -> BoolArray:
@@ -358,9 +404,7 @@ class _Evaluation:
     def _mask_near_anchor(self, node: Near) -> BoolArray:
         """Return where a condition holds and another one holds within a time before, after or around it."""
         anchor_ns = self._grid_ns[self._mask_where_condition_holds(node.anchor)]
-        within_ns = round(node.within_s * NS_PER_S)
-        back_ns = within_ns if node.relation in ("after", "of") else 0
-        ahead_ns = within_ns if node.relation in ("before", "of") else 0
+        back_ns, ahead_ns = _reach_of_anchor_ns(node)
         first = np.searchsorted(anchor_ns, self._grid_ns - back_ns, side="left")
         last = np.searchsorted(anchor_ns, self._grid_ns + ahead_ns, side="right")
         return np.asarray(self._mask_where_condition_holds(node.inner) & (last > first))

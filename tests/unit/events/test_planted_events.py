@@ -47,6 +47,33 @@ def test_planted_event_is_found_and_nothing_else(tmp_path: Path, kind: str) -> N
     assert {each.event for each in found} - set(drive.truth) <= drive.implied
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "near-miss within 2 s after ego.speed_mps > 1",
+        "(near-miss and ego.speed_mps > 1)",
+        "near-miss and ego.speed_mps > 1 for 0.2 s",
+        "near-miss and other.speed_mps > 0.5",
+    ],
+)
+def test_an_expression_has_the_vehicles_the_words_and_the_severity_of_its_event(tmp_path: Path, text: str) -> None:
+    path = write_drive(planted_drive("near-miss", seed=3), tmp_path / "drive.mcap", seed=3)
+    (event,), (found, *rest) = found_in(path, "near-miss"), found_in(path, text)
+    assert rest == []
+    assert event.moment.actors == found.moment.actors == ("ego", "leader")
+    assert f"near-miss: {event.words}" in found.words
+    assert found.moment.severity == event.moment.severity != 1.0
+
+
+def test_an_expression_names_what_it_comes_after_and_not_what_it_excludes(tmp_path: Path) -> None:
+    path = write_drive(planted_drive("near-miss", seed=3), tmp_path / "drive.mcap", seed=3)
+    (event,) = found_in(path, "near-miss")
+    (after,) = found_in(path, "ego.speed_mps > 1 within 2 s after near-miss")
+    assert after.moment.actors == ("ego", "leader")
+    assert after.words.endswith(f"; near-miss: {event.words}")
+    assert "near-miss" not in found_in(path, "ego.speed_mps > 1 and not near-miss")[0].words
+
+
 def test_every_event_is_planted_somewhere() -> None:
     assert {*PLANTS, "warning-false", *PARTS} == set(EVENTS)
 
