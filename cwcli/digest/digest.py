@@ -133,7 +133,7 @@ def confidence_sentences(evidence: DoubtEvidence) -> tuple[str, ...]:
     errors = [
         f"{format_number(sigma, 2)} {unit} ({name})"
         for name, unit, sigma in evidence.estimate_summary.rows_of_table_columns_or_empty(
-            "errors", "quantity", "unit", "error of estimates"
+            "errors", "quantity", "unit", "RMS error of estimates"
         )
         if isinstance(sigma, float) and str(name).startswith(("position", "speed", "heading"))
     ]

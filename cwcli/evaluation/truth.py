@@ -81,12 +81,12 @@ def build_truth_errors_section(errors: TruthErrors) -> SummaryTable:
         "quantity",
         "unit",
         "times compared",
-        "error of measurements",
-        "error of estimates",
+        "RMS error of measurements",
+        "RMS error of estimates",
         "change of error by estimation [%]",
         "bias of estimates",
     )
-    title = f"Errors (1 sigma) of measurements and estimates against the truth of {errors.topic}"
+    title = f"Errors of measurements and estimates against the truth of {errors.topic}"
     names = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
     return SummaryTable("errors", title, columns, tuple(rows), names=names)
 

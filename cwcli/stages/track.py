@@ -273,7 +273,7 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
         "detections used",
         "detections of no track",
         "faulty detections",
-        "NIS/dof",
+        "mean NIS/dof",
         "95 % bounds of NIS/dof",
         "NIS/dof within bounds",
     )
@@ -343,7 +343,7 @@ def _targets_table(result: TrackResult, in_map: bool) -> SummaryTable:
         "states",
         "states with a detection [%]",
         "max speed [m/s]",
-        "median position sigma [m]",
+        "median position sigma per axis [m]",
     )
     names = ("target", "from [s]", "for [s]", "states", "seen [%]", "max speed [m/s]", "median sigma [m]")
     title = f"Tracked targets in the {'map' if in_map else 'frame of the car'}{shown}; times from the first state"

@@ -48,7 +48,7 @@ SYSTEM_TABLE_HEADINGS = (
     "the other system",
     "cwcli",
     "states/reference",
-    "samples",
+    "samples of the other system",
 )
 """Headings of the table of another system's metrics."""
 MAX_SHOWN_FAILURES = 20

@@ -112,7 +112,7 @@ def _iter_sources_with_understated_noise(evidence: DoubtEvidence) -> Iterator[Fi
                 source_name(source), read_finite_number_or_nan(source, "nis_per_dof")
             )
     for name, nis, inside in evidence.summary_of_stage("track").rows_of_table_columns_or_empty(
-        "sensors", "sensor", "NIS/dof", "NIS/dof within bounds"
+        "sensors", "sensor", "mean NIS/dof", "NIS/dof within bounds"
     ):
         if isinstance(nis, int | float) and not isinstance(nis, bool) and inside == "OUT":
             yield from _iter_finding_if_nis_too_large(shorten_and_escape(str(name), 60), to_float_or_nan(nis))

@@ -71,7 +71,7 @@ def _finding_of_truth_rule(names: Sequence[str], rule: Mapping[str, Any], nees: 
 def _truth_error_text_or_empty(evidence: DoubtEvidence, quantity: str) -> str:
     """Format `0.52 deg, `, the error of a quantity against the truth; "" where the record does not say it."""
     for name, unit, sigma in evidence.estimate_summary.rows_of_table_columns_or_empty(
-        "errors", "quantity", "unit", "error of estimates"
+        "errors", "quantity", "unit", "RMS error of estimates"
     ):
         if str(name).split(" ", 1)[0] == quantity and isinstance(sigma, float) and math.isfinite(sigma):
             return f"{format_number(sigma, 2)} {shorten_and_escape(str(unit), 20)}, "
@@ -176,7 +176,9 @@ def find_estimate_without_truth(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 def _own_error_text(evidence: DoubtEvidence) -> str:
     """Format what the estimate itself says of its errors, as a sentence; "" where the record does not say it."""
-    rows = evidence.estimate_summary.rows_of_table_columns_or_empty("vehicles", "vehicle", "median position sigma [m]")
+    rows = evidence.estimate_summary.rows_of_table_columns_or_empty(
+        "vehicles", "vehicle", "median position sigma per axis [m]"
+    )
     sigma_m = next((value for vehicle, value in rows if vehicle == EGO_ID), None)
     if not isinstance(sigma_m, float) or not math.isfinite(sigma_m):
         return ""

@@ -21,7 +21,7 @@ FLAGGED_STATES_HEADINGS = {
     StateFlag.STARTING: "states soon after the start",
     StateFlag.AFTER_RESET: "states soon after a reset",
     StateFlag.BRIDGED: "states in long position gaps",
-    StateFlag.REJECTING: "states while a source is rejected",
+    StateFlag.REJECTING: "states while a source is rejected (only with --causal)",
 }
 """Flag of states -> heading of their number in the table of tracks."""
 
@@ -134,7 +134,7 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
         "quantity",
         "white noise (1 sigma)",
         "where the noise is from",
-        "NIS per dof",
+        "mean NIS per dof",
         "95 % bounds of NIS per dof",
         "NIS per dof within bounds",
     )
@@ -170,7 +170,7 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
         "states",
         "duration [s]",
         "max speed [m/s]",
-        "median position sigma [m]",
+        "median position sigma per axis [m]",
         "measurements gated",
         *FLAGGED_STATES_HEADINGS.values(),
     )

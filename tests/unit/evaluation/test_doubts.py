@@ -246,7 +246,7 @@ def test_missing_truth_is_a_remark_and_no_doubt() -> None:
 
 
 def test_without_a_truth_the_estimate_says_its_own_errors() -> None:
-    columns = ["vehicle", "median position sigma [m]"]
+    columns = ["vehicle", "median position sigma per axis [m]"]
     found = evidence(sections=(table("vehicles", columns, ["17", 9.0], ["ego", 0.257]),))
     (remark,) = find_remarks_in_evidence(found)
     assert remark.sentence == (
@@ -263,7 +263,7 @@ def test_several_truths_are_named_to_choose_from() -> None:
 
 
 def test_error_against_the_truth_is_told_in_its_unit() -> None:
-    errors = {"key": "errors", "title": "", "columns": ["quantity", "unit", "error of estimates"]}
+    errors = {"key": "errors", "title": "", "columns": ["quantity", "unit", "RMS error of estimates"]}
     rows = [["position on one axis", "m", 0.1], ["heading", "deg", 0.704]]
     found = evidence(sections=(nees(["heading", 16.0, "OUT"]), {**errors, "rows": rows}))
     (doubt,) = find_doubts_in_evidence(found)
