@@ -161,6 +161,10 @@ def _usage_error_from_typer(error: typer.TyperException, arguments: list[str]) -
             f"{shorten_and_escape(os.environ[variable], MAX_SHOWN_VALUE_CHARACTERS)}: {reason}",
             hint=f"see {option} in `{command} --help`",
         )
+    if what.startswith("Missing argument") and context is not None:
+        names = context.command.collect_usage_pieces(context)[1:]  # behind the options
+        if len(names) > 1:  # of several, the parser names the first that is empty, which may not be the one left out
+            what = f"an argument is missing: {command} {re.sub('[{}]', '', ' '.join(names))}"
     return UsageError(what[:1].lower() + what[1:], hint=f"see `{command} --help`")
 
 

@@ -49,14 +49,14 @@ def compare_settings(before: Log, after: Log) -> Iterator[SettingChange]:
         records = early.get(stage, {}), late.get(stage, {})
         with_constants = all(CALIBRATION_KEY in record for record in records)
         settings = [_read_settings(record, with_constants=with_constants) for record in records]
-        for change in _iter_changed_values(settings[0], settings[1]):
+        for change in iter_changed_values(settings[0], settings[1]):
             if change not in named:
                 yield SettingChange(stage, *change)
             if change[0].startswith(CALIBRATION_KEY):
                 named.add(change)
 
 
-def _iter_changed_values(
+def iter_changed_values(
     before: Mapping[str, Any], after: Mapping[str, Any], prefix: str = ""
 ) -> Iterator[tuple[str, str, str]]:
     """Yield dotted name and both values as JSON of the entries that differ; an object is entered if both have one."""
@@ -65,7 +65,7 @@ def _iter_changed_values(
         if was == now and (name in before) == (name in after):
             continue
         if isinstance(was, dict) and isinstance(now, dict) and name not in CONFIGURATION_KEYS_COMPARED_AS_WHOLE:
-            yield from _iter_changed_values(was, now, f"{prefix}{name}.")
+            yield from iter_changed_values(was, now, f"{prefix}{name}.")
         else:
             texts = [
                 json.dumps(each[name], sort_keys=True, default=str) if name in each else "" for each in (before, after)

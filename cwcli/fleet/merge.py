@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from cwcli.errors import InputError, OutputError, UsageError
+from cwcli.evaluation.setting_changes import iter_changed_values
 from cwcli.fleet.folder import (
     ENDED_LOG_STATUSES,
     MANIFEST_NAME,
@@ -194,8 +195,11 @@ def _require_equal_runs(shards: Sequence[_ShardFolder]) -> None:
             ("run_id", "set of options or version of the tables"),
         ):
             if each.manifest[key] != first.manifest[key]:
+                changes = iter_changed_values({key: first.manifest[key]}, {key: each.manifest[key]})
+                name, was, now = next(changes)
+                setting = f": {name.removeprefix(f'{key}.')} is {was or 'not set'} and {now or 'not set'}"
                 raise UsageError(
-                    f"{first.path} and {each.path} were made by another {what}",
+                    f"{first.path} and {each.path} were made by another {what}{setting}",
                     hint="run the shards again with one command and one version",
                 )
 

@@ -14,6 +14,7 @@ from cwcli.fleet.inputs import expand_sources
 from cwcli.fleet.run_source import read_run_or_none
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
+from cwcli.text import format_first_names
 
 STDIN_ARGUMENT = "-"
 """Name of standard input."""
@@ -85,6 +86,19 @@ def _logs_of_argument(argument: str) -> Iterator[SearchedLog]:
     yield from logs
 
 
+def _combine_errors_of_all_logs(failed: Sequence[tuple[str, CwcliError]]) -> CwcliError:
+    """Return the error of the logs, if it is that of each; else one with all reasons and the hint of the rarest."""
+    names_by_reason: dict[str, list[str]] = {}
+    for name, error in failed:
+        names_by_reason.setdefault(error.what, []).append(name)
+    if len(names_by_reason) == 1:
+        return failed[0][1]
+    reasons = sorted(names_by_reason, key=lambda reason: len(names_by_reason[reason]))
+    rarest = next(error for _, error in failed if error.what == reasons[0])
+    lines = tuple(f"{reason}: {format_first_names(names_by_reason[reason])}" for reason in reasons)
+    return type(rarest)(f"none of the {len(failed)} logs could be searched", found=lines, hint=rarest.hint)
+
+
 def find_in_logs(
     logs: Sequence[SearchedLog],
     query: Query,
@@ -103,7 +117,7 @@ def find_in_logs(
         step: Called with the number of the log and its name before it is searched.
 
     Raises:
-        CwcliError: The only log, or every log, can't be searched.
+        CwcliError: No log can be searched.
     """
     found: list[FoundEvent] = []
     missing: dict[str, int] = {}
@@ -124,6 +138,6 @@ def find_in_logs(
         for event in searched.missing:
             missing[event] = missing.get(event, 0) + 1
     if logs and len(failed) == len(logs):
-        raise failed[0][1]
+        raise _combine_errors_of_all_logs(failed)
     found.sort(key=lambda event: event.rank)
     return FleetSearch(tuple(found), {each.name: each.path for each in logs}, missing, tuple(failed))

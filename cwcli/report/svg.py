@@ -142,8 +142,8 @@ def strip_svg(
     parts.append(f'<text x="{left}" y="12">{title}; {axis.label}</text>')
     for y_px, value in ((top + 8, high), (bottom, low)):
         parts.append(f'<text x="{left - 4}" y="{y_px}" text-anchor="end">{_axis_number_text(value, high - low)}</text>')
-    parts.append(f'<text x="{left}" y="{STRIP_HEIGHT_PX - 3}">{begin:.1f}</text>')
-    parts.append(f'<text x="{right}" y="{STRIP_HEIGHT_PX - 3}" text-anchor="end">{end:.1f}</text>')
+    parts.append(f'<text x="{left}" y="{STRIP_HEIGHT_PX - 3}">{begin:z.1f}</text>')
+    parts.append(f'<text x="{right}" y="{STRIP_HEIGHT_PX - 3}" text-anchor="end">{end:z.1f}</text>')
     return _svg_element_of_drawing(STRIP_WIDTH_PX, STRIP_HEIGHT_PX, f"{title} over time", "".join(parts))
 
 

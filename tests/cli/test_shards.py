@@ -166,8 +166,8 @@ def spoil_manifest(path: Path, **changes: object) -> None:
         (None, ("whole", "shard1"), EXIT_USAGE, "whole holds all logs of its run, and"),
         (None, ("shard1", "shard1", "shard2"), EXIT_USAGE, "are both shard 1/2"),
         (None, ("shard1", "logs"), EXIT_BAD_INPUT, "the folder holds no run"),
-        ({"cwcli": "0.0.1"}, ("shard1", "shard2"), EXIT_USAGE, "another version of cwcli"),
-        ({"pipeline": {}}, ("shard1", "shard2"), EXIT_USAGE, "another pipeline"),
+        ({"cwcli": "0.0.1"}, ("shard1", "shard2"), EXIT_USAGE, 'and "0.0.1"'),
+        ({"pipeline": {"estimate": {"rate": 7}}}, ("shard1", "shard2"), EXIT_USAGE, "another pipeline: "),
         ({"run_id": "0"}, ("shard1", "shard2"), EXIT_USAGE, "another set of options or version of the tables"),
         (
             {"tables": ["details/none"]},
