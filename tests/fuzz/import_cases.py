@@ -1,7 +1,8 @@
-"""Cases of the levels `nmea`, `ubx`, `csv`, `gpx` and `can`: mutated files for `cwcli import`.
+"""Cases of the levels `nmea`, `ubx`, `csv`, `gpx`, `kml`, `rtklib`, `vbox` and `can`: mutated files for `cwcli import`.
 
 The rows of a reader are compared with those of another library: pynmea2, pyubx2, Python's csv and ElementTree, and
-python-can with cantools. They are the same in the same order, but for those that the reader counts as left out.
+python-can with cantools; of RTKLIB and VBOX with those of a plain reader. They are the same in the same order, but for
+those that the reader counts as left out.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ from pathlib import Path
 
 from cwcli.errors import CwcliError
 from cwcli.importing.readers import load_kind
+from cwcli.importing.readers.base import FileHead
 from cwcli.importing.run import plan_import
 from cwcli.importing.tables import Answers, SourceTable
 from tests.fuzz import import_oracles as oracles
+from tests.fuzz import track_oracles
 from tests.fuzz.file_cases import fast_folder
-from tests.fuzz.import_oracles import Row, Tables
+from tests.fuzz.import_oracles import NAN, Row, Tables
 from tests.fuzz.mutate import NUMBERS, Rng, mutate
-from tests.unit.importing import files
+from tests.unit.importing import files, other_tables, real_files, real_tables
 
 N_INPUTS = 4
 WITH_PLAN = 0.25
@@ -89,8 +92,11 @@ def check_files(family: Family, paths: list[Path], counts: Counter[str], *, with
         except CwcliError as error:
             assert "\n" not in str(error)
     answers = Answers(dbc=tuple(map(str, paths[1:])))
+    kind = load_kind(family.kind)
+    if not kind.accepts(FileHead(str(paths[0]))):
+        return
     try:
-        tables = [each for each in load_kind(family.kind).read(str(paths[0]), answers) if isinstance(each, SourceTable)]
+        tables = [each for each in kind.read(str(paths[0]), answers) if isinstance(each, SourceTable)]
         found = {table.part: list(rows_of(table)) for table in tables}
     except CwcliError as error:
         assert "\n" not in str(error)
@@ -115,9 +121,8 @@ def rows_of(table: SourceTable) -> Iterator[Row]:
         columns = [batch[name] for name in table.columns]
         if table.kind == "nmea":
             columns[0] = columns[0] % NS_PER_DAY
-        yield from zip(
-            *(each.tolist() if hasattr(each, "tolist") else each.to_pylist() for each in columns), strict=True
-        )
+        cells = ([NAN if cell is None else cell for cell in each.tolist()] for each in columns)
+        yield from zip(*cells, strict=True)
 
 
 def missing_rows(rows: Sequence[Row], expected: Sequence[Row]) -> int:
@@ -162,6 +167,16 @@ def _gpx() -> tuple[bytes, ...]:
     return (_content(files.gpx_speed, 2 + N_ROWS)[0] + b"</trkseg></trk></gpx>",)
 
 
+def _kml(make: Callable[[Path], list[Path]]) -> tuple[bytes, ...]:
+    """A file of `N_ROWS` times and places: the tests' without those in the middle."""
+    data = _content(make)[0]
+    for each in (rb"<when>[^<]*</when>", rb"<gx:coord>[^<]*</gx:coord>"):
+        spans = [found.span() for found in re.finditer(each, data)]
+        for begin, end in spans[-N_ROWS // 2 - 1 : N_ROWS // 2 - 1 : -1]:
+            data = data[:begin] + data[end:]
+    return (data,)
+
+
 def _with_checksums(data: bytes) -> bytes:
     """NMEA sentences whose checksums are right again."""
 
@@ -195,6 +210,30 @@ CSV = tuple(
     for make in (files.csv_logger, files.csv_german, files.csv_quoted_commas, files.tsv_iso, files.csv_units_row)
 )
 GPX = (Family("gpx", ("a.gpx",), _gpx, XML_TOKENS, oracles.gpx),)
+KML_TOKENS = (
+    *XML_TOKENS,
+    b"<when>",
+    b"</when>",
+    b"<gx:coord>",
+    b"</gx:coord>",
+    b"<gx:Track>",
+    b"</gx:Track>",
+    b"+",
+    b"e5",
+)
+KML = tuple(
+    Family("kml", ("a.kml",), lambda make=make: _kml(make), KML_TOKENS, track_oracles.kml)  # type: ignore[misc]
+    for make in (real_files.kml_track, real_files.kml_tracks_in_pairs)
+)
+CLOCK_TOKENS = (*TEXT_TOKENS, b"+", b"e5", b"  ", b"\t", b"235959.9 ", b"240000 ", b"00:00:60", b"2016/12/31 23:59:60")
+RTKLIB = tuple(
+    Family("rtklib", ("a.pos",), lambda make=make: _content(make, N_ROWS), CLOCK_TOKENS, track_oracles.rtklib)  # type: ignore[misc]
+    for make in (real_tables.rtklib_gpst, real_tables.rtklib_velocity, other_tables.rtklib)
+)
+VBOX = tuple(
+    Family("vbox", ("a.vbo",), lambda make=make: _content(make, 2 * N_ROWS), CLOCK_TOKENS, track_oracles.vbox)  # type: ignore[misc]
+    for make in (real_tables.racechrono_vbo, other_tables.vbo)
+)
 CAN = tuple(
     Family(kind, (name, "car.dbc"), lambda make=make, n=n: _content(make, n), tokens, oracles.can)  # type: ignore[misc]
     for kind, name, make, n, tokens in (
@@ -223,6 +262,21 @@ def check_csv(rng: Rng) -> dict[str, int]:
 def check_gpx(rng: Rng) -> dict[str, int]:
     """GPX tracks."""
     return _check(rng, GPX)
+
+
+def check_kml(rng: Rng) -> dict[str, int]:
+    """KML tracks."""
+    return _check(rng, KML)
+
+
+def check_rtklib(rng: Rng) -> dict[str, int]:
+    """Positions of RTKLIB."""
+    return _check(rng, RTKLIB)
+
+
+def check_vbox(rng: Rng) -> dict[str, int]:
+    """VBOX files."""
+    return _check(rng, VBOX)
 
 
 def check_can(rng: Rng) -> dict[str, int]:

@@ -18,7 +18,7 @@ import numpy as np
 
 CASES = {
     **{level: f"{level}_cases:check_case" for level in ("kernel", "file", "osi", "bag", "database", "radio", "ros")},
-    **{level: f"import_cases:check_{level}" for level in ("nmea", "ubx", "csv", "gpx", "can")},
+    **{level: f"import_cases:check_{level}" for level in ("nmea", "ubx", "csv", "gpx", "kml", "rtklib", "vbox", "can")},
 }
 """What is mutated -> the function that makes a case and checks it."""
 MOST_CPU_S = 10.0

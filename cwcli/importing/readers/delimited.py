@@ -171,7 +171,7 @@ def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tupl
     names_line, names = rows[at]
     last = names_line
     units: dict[str, str] = {}
-    unique = _unique_names(names)
+    unique = unique_names(names)
     if at + 1 < len(rows):
         k, cells = rows[at + 1]
         if (
@@ -240,7 +240,7 @@ def _are_cells_names(cells: Sequence[str]) -> bool:
     return len(words) > 0.5 * len(cells) and len(set(filled_cells)) > 0.5 * len(filled_cells)
 
 
-def _unique_names(cells: Sequence[str]) -> tuple[str, ...]:
+def unique_names(cells: Sequence[str]) -> tuple[str, ...]:
     """Return each name once: empty ones get a number, repeated ones a number behind them."""
     seen: Counter[str] = Counter()
     names = []
@@ -287,6 +287,7 @@ def iter_text_rows(
                 ),
                 parse_options=arrow_csv.ParseOptions(
                     delimiter=layout.separator.replace(" ", "\t"),
+                    quote_char=False if layout.separator == " " else '"',
                     newlines_in_values=layout.has_lines_in_cells,
                     invalid_row_handler=count_and_skip_row,
                 ),

@@ -5,12 +5,15 @@ Source: developers.google.com/kml/documentation/kmlreference#gxtrack. A `LineStr
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.importing.bounded_xml import iter_xml_events
+from cwcli.importing.cells import DECIMAL_POINT_PATTERN
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Preset, SourceTable
 
@@ -21,6 +24,8 @@ PRESET_BY_COLUMN = {
     "height": Preset("altitude", "m"),
 }
 """Column -> the quantity and unit that the format fixes."""
+NUMBER_PATTERN = re.compile(DECIMAL_POINT_PATTERN, re.ASCII)
+"""A number of a place."""
 MAX_TRACK_POINTS = 500_000
 """Greatest number of points: 13 hours at 10 Hz, which take 3 s and 150 MB. Chosen by hand."""
 
@@ -35,14 +40,16 @@ def _read_kml_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     whens: list[str] = []
     coordinates: list[tuple[float, float, float]] = []
     n_tracks = 0
+    is_in_track = False  # a TimeStamp outside of it has a `when`, too
     for event, element in iter_xml_events(path, set()):
         tag = element.tag.rpartition("}")[2]
+        is_in_track = event == "start" if tag == "Track" else is_in_track
         if event == "start":
             continue
         text = (element.text or "").strip()
-        if tag == "when":
+        if tag == "when" and is_in_track:
             whens.append(text)
-        elif tag == "coord":
+        elif tag == "coord" and is_in_track:
             coordinates.append(_longitude_latitude_height(text))
         elif tag == "Track":
             n_tracks += 1
@@ -69,13 +76,11 @@ def _read_kml_table(path: str, answers: Answers) -> Sequence[SourceTable]:
 
 
 def _longitude_latitude_height(text: str) -> tuple[float, float, float]:
-    """Return a place of a `gx:coord`, NaN for what it lacks."""
-    try:
-        values = [float(each) for each in text.split(maxsplit=3)[:3]]
-    except ValueError:
-        values = []
-    filled = [*values, float("nan"), float("nan"), float("nan")]
-    return filled[0], filled[1], filled[2]
+    """Return a place of a `gx:coord`, NaN for what it lacks or what is no number."""
+    parts = [*text.split(maxsplit=3)[:3], "", "", ""]
+    values = [float(each) if NUMBER_PATTERN.match(each) else math.nan for each in parts[:3]]
+    longitude, latitude, height = (each if math.isfinite(each) else math.nan for each in values)
+    return longitude, latitude, height
 
 
 KIND = ImportKind("KML tracks with times", (".kml",), _accepts_kml_file, _read_kml_table)

@@ -7,22 +7,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from cwcli.errors import InputError
 from cwcli.importing.cells import read_whole_units_fraction_and_validity
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.delimited import TextLayout, iter_text_rows
+from cwcli.importing.readers.delimited import TextLayout, iter_text_rows, unique_names
 from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, SourceTable
 from cwcli.importing.text_file import decode_text_head, no_text_error, read_head
 from cwcli.importing.times import (
+    MAX_STAMP_NS,
     Instants,
     ns_and_validity_of_text_times,
     parse_text_times,
     utc_ns_from_gps_seconds,
 )
-from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S
+from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK
 from cwcli.signals.units import NS_PER_S
 
 NAME_LINE_PATTERN = re.compile(r"%\s+(?P<scale>GPST|UTC|JST)\s+(?P<names>\S.*)")
@@ -38,6 +40,8 @@ PRESET_BY_COLUMN = {
 """Column -> the quantity and unit that the format fixes."""
 FIRST_TIME_CELL_NAME, SECOND_TIME_CELL_NAME, JOINED_TIME_COLUMN_NAME = "date or week", "clock or seconds", "time"
 """Names of the two cells of the time, and of the time that is made of them."""
+NS_PER_WEEK = SECONDS_PER_WEEK * NS_PER_S
+"""Nanoseconds of a GPS week."""
 JST_OFFSET_S = 9 * 3600
 """Offset of Japan's time from UTC, s."""
 
@@ -47,7 +51,7 @@ def _line_of_names(lines: Sequence[str]) -> tuple[int, str, list[str]] | None:
     for k, line in enumerate(lines):
         found = NAME_LINE_PATTERN.match(line)
         if found:
-            return k, found["scale"], re.findall(r"\S+(?:\([^)]*\))?", found["names"])
+            return k, found["scale"], list(unique_names(re.findall(r"\S+(?:\([^)]*\))?", found["names"])))
     return None
 
 
@@ -97,8 +101,9 @@ def _read_rtklib_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     ]
 
 
-def _utc_ns_of_time_cells(first: object, second: object, scale: str) -> np.ndarray:
-    """Return UTC in ns since 1970 (n,) of dates and times of day, or of weeks and seconds; 0 where there is none."""
+def _utc_ns_of_time_cells(first: Any, second: Any, scale: str) -> Any:
+    """Return UTC in ns since 1970 of dates and clocks, or of weeks and seconds: an Arrow array (n,), with nulls."""
+    import pyarrow as pa
     import pyarrow.compute as pc
 
     times = parse_text_times(pc.binary_join_element_wise(first, second, " "))
@@ -108,14 +113,14 @@ def _utc_ns_of_time_cells(first: object, second: object, scale: str) -> np.ndarr
     else:
         week = Instants(*read_whole_units_fraction_and_validity(first, "."))
         seconds = Instants(*read_whole_units_fraction_and_validity(second, "."))
-        valid = week.valid & seconds.valid
-        gps_ns = week.whole * 7 * 86_400 * NS_PER_S + seconds.to_ns("s")
+        valid = week.valid & seconds.valid & (week.whole >= 0) & (week.whole <= MAX_STAMP_NS // NS_PER_WEEK)
+        gps_ns = np.where(valid, week.whole, 0) * NS_PER_WEEK + seconds.to_ns("s")
         ns = gps_ns + GPS_EPOCH_UNIX_S * NS_PER_S
     if scale == "GPST":
         ns = utc_ns_from_gps_seconds(gps_ns, None)
     elif scale == "JST":
         ns = ns - JST_OFFSET_S * NS_PER_S
-    return np.where(valid, ns, 0)
+    return pa.array(ns, mask=~valid)
 
 
 KIND = ImportKind("positions of RTKLIB", (".pos",), _accepts_rtklib_file, _read_rtklib_table)

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from cwcli.errors import DataError
 from cwcli.importing.cells import read_number_cells_and_count_bad, read_whole_units_fraction_and_validity
 from cwcli.importing.names import quantities_of_name
 from cwcli.importing.readers.base import FileHead, ImportKind
-from cwcli.importing.readers.delimited import TextLayout, iter_text_rows
+from cwcli.importing.readers.delimited import TextLayout, iter_text_rows, unique_names
 from cwcli.importing.tables import Answers, ColumnsOfRows, Preset, SourceTable
 from cwcli.importing.text_file import decode_text_head, no_text_error, read_head
 from cwcli.importing.times import Instants, parse_start_ns, times_of_day_from_digits
@@ -25,6 +27,8 @@ from cwcli.signals.units import NS_PER_DAY, NS_PER_S
 
 DATE_LINE_PATTERN = re.compile(r"File created on (\d{1,2})/(\d{1,2})/(\d{4})")
 """The first line; the day comes first."""
+YEARS = range(1970, 2100)
+"""Years that a date can have. Chosen by hand."""
 QUANTITY_AND_SIGN_BY_MINUTES_COLUMN = {
     "lat": ("latitude", 1.0),
     "latitude": ("latitude", 1.0),
@@ -55,10 +59,10 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     if head is None:
         raise no_text_error(path)
     lines = [line.strip() for line in head.lines]
-    names = " ".join(_lines_of_section(lines, "[column names]")[:1]).split()
+    names = unique_names(" ".join(_lines_of_section(lines, "[column names]")[:1]).split())
     if "time" not in names:
-        raise DataError("its columns have no time", where=path, found=tuple(names))
-    layout = TextLayout(" ", tuple(names), {}, lines.index("[data]") + 1)
+        raise DataError("its columns have no time", where=path, found=names)
+    layout = TextLayout(" ", names, {}, lines.index("[data]") + 1)
     day_ns, notes = _day_and_notes(lines, answers)
     last_ns = [0, 0]  # time of day of the last row, and the midnights before it
 
@@ -68,7 +72,7 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
             columns_read: dict[str, object] = {}
             for name in columns:
                 if name == "time":
-                    columns_read[name] = _ns_since_first_midnight(batch[name], last_ns) + day_ns
+                    columns_read[name] = _utc_ns_of_clock_cells(batch[name], day_ns, last_ns)
                 elif name in QUANTITY_AND_SIGN_BY_MINUTES_COLUMN:
                     columns_read[name] = (
                         read_number_cells_and_count_bad(batch[name], ".")[0]
@@ -92,9 +96,7 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     present_presets = {name: each for name, each in presets.items() if name in names}
     others = {name: Preset("ignored") for name in names if name not in present_presets and quantities_of_name(name)}
     return [
-        SourceTable(
-            path, "", "vbox", tuple(names), read_column_batches, presets={**others, **present_presets}, notes=notes
-        )
+        SourceTable(path, "", "vbox", names, read_column_batches, presets={**others, **present_presets}, notes=notes)
     ]
 
 
@@ -107,24 +109,28 @@ def _day_and_notes(lines: Sequence[str], answers: Answers) -> tuple[int, list[st
         return 0, ["the file has no date: stamps count from midnight (--start names the day)"]
     day, month, year = (int(each) for each in found.groups())
     try:
-        return round(datetime(year, month, day, tzinfo=UTC).timestamp()) * NS_PER_S, [
-            f"the date is that of {found[0]!r}"
-        ]
+        first = datetime(year if year in YEARS else 0, month, day, tzinfo=UTC)
     except ValueError:
         return 0, [f"{found[0]!r} is no date: stamps count from midnight (--start names the day)"]
+    return round(first.timestamp()) * NS_PER_S, [f"the date is that of {found[0]!r}"]
 
 
-def _ns_since_first_midnight(array: object, last_ns: list[int]) -> np.ndarray:
-    """Return ns since the first midnight (n,), -1 where there is no time of day; remembers the last row."""
-    times = times_of_day_from_digits(Instants(*read_whole_units_fraction_and_validity(array, ".")))
-    if times is None or not times.valid.any():
-        return np.full(len(array), -1, np.int64)  # type: ignore[arg-type]
-    ns = times.ns_of_day[times.valid]
+def _utc_ns_of_clock_cells(array: Any, day_ns: int, last_ns: list[int]) -> Any:
+    """Return ns since 1970 as an Arrow array (n,), null where there is no time of day; remembers the last row."""
+    import pyarrow as pa
+
+    instants = Instants(*read_whole_units_fraction_and_validity(array, "."))
+    whole = instants.whole
+    is_clock = instants.valid & (whole >= 0) & (whole < 240_000) & (whole // 100 % 100 < 60) & (whole % 100 <= 60)
+    times = times_of_day_from_digits(replace(instants, valid=is_clock))
+    if times is None:
+        return pa.nulls(len(array), pa.int64())
+    ns = times.ns_of_day[is_clock]
     n_midnights = last_ns[1] + np.cumsum(np.diff(ns, prepend=last_ns[0]) < -NS_PER_DAY // 2)
     last_ns[:] = [int(ns[-1]), int(n_midnights[-1])]
-    stamps = np.full(len(times.valid), -1, np.int64)
-    stamps[times.valid] = ns + n_midnights * NS_PER_DAY
-    return stamps
+    stamps = np.zeros(len(array), np.int64)
+    stamps[is_clock] = day_ns + ns + n_midnights * NS_PER_DAY
+    return pa.array(stamps, mask=~is_clock)
 
 
 KIND = ImportKind("VBOX files of race loggers", (".vbo",), _accepts_vbox_file, _read_vbox_table)

@@ -21,6 +21,8 @@ from cwcli.importing.tables import AmbiguousError, Answers
 from cwcli.logs.read.reader import Log
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
 from tests.unit.importing.files import can_dump
+from tests.unit.importing.other_tables import rtklib, vbo
+from tests.unit.importing.real_tables import rtklib_gpst
 
 D = DRIVE
 T, LAT, LON = epoch(), digits(D.lat_deg, 8), digits(D.lon_deg, 8)
@@ -386,3 +388,50 @@ def test_can_frames_of_an_impossible_time_are_counted(tmp_path: Path, time: str)
     trace.write_text("\n".join(lines) + "\n")
     made = plan_import([str(trace), str(dbc)], Answers())
     assert "1 frames have an impossible time" in notes(made)
+
+
+def test_one_row_without_a_time_costs_no_other(tmp_path: Path) -> None:
+    """A clock of 92 hours made every row of a VBOX file one without a time; a 13th month became 1970 in RTKLIB's."""
+    for make, before, after in ((vbo, b" 2213", b" 9213"), (rtklib, b"2023/11/14", b"2023/13/14")):
+        (path,) = make(tmp_path)
+        lines = path.read_bytes().splitlines(keepends=True)
+        n_rows = sum(before in line for line in lines)
+        whole = log_times(plan(path))
+        row = next(k for k, line in enumerate(lines) if before in line) + 9
+        path.write_bytes(b"".join((*lines[:row], lines[row].replace(before, after), *lines[row + 1 :])))
+        made = plan(path)
+        np.testing.assert_array_equal(log_times(made), np.delete(whole, 9))
+        assert n_rows > 100
+        assert "1 rows without a time" in notes(made)
+
+
+def test_names_and_dates_that_no_logger_writes(tmp_path: Path) -> None:
+    """Two columns of one name, a week of a million years, a quote, a year 202: none of them is a bug."""
+    (path,) = rtklib(tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"Q  ns", b"Q  Q"))
+    n_rows = len(log_times(plan(path)))
+    path.write_bytes(whole.replace(b"  12\n", b'  "12\n', 1))
+    assert len(log_times(plan(path))) == n_rows
+    (path,) = rtklib_gpst(tmp_path)
+    whole = path.read_bytes()
+    path.write_bytes(whole.replace(b"2304 6047", b"23040000 6047", 1))
+    assert len(log_times(plan(path))) == whole.count(b"\n230") - 1
+    (path,) = vbo(tmp_path)
+    path.write_bytes(path.read_bytes().replace(b"/2023", b"/0202"))
+    assert "is no date" in notes(plan(path))
+
+
+def test_times_and_places_of_kml(tmp_path: Path) -> None:
+    """A place's own time is none of the track's; what is no number is left out alone."""
+    path = tmp_path / "a.kml"
+    points = "".join(f"<when>2024-03-09T10:00:{k:02}Z</when><gx:coord>11.0000{k:02} 48 5</gx:coord>" for k in range(60))
+    points = points.replace("11.000007 48 5", "11.000007 48 1_0").replace("11.000009 48", "11.000009 4_8")
+    place = "<Placemark><TimeStamp><when>2020-01-01T00:00:00Z</when></TimeStamp></Placemark>"
+    path.write_text(f'<kml xmlns:gx="x">{place}<Placemark><gx:Track>{points}</gx:Track></Placemark>{place}</kml>')
+    (channel,) = [each for _, each in plan(path).channels if each.topic == "/gps/fix"]
+    start_ns = 1_709_978_400 * 10**9
+    seconds = (np.asarray(channel.log_time_ns) - start_ns) // 10**9
+    assert seconds.tolist() == [k for k in range(60) if k != 9]
+    altitude_m = np.asarray(channel.fields["altitude"])
+    assert np.flatnonzero(np.isnan(altitude_m)).tolist() == [7]
