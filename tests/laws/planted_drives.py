@@ -122,8 +122,8 @@ def plant_hard_brake_other(drive: Planted, rng: np.random.Generator, at_s: float
     drive.implied |= {"overtaking"}
 
 
-def plant_near_miss(drive: Planted, rng: np.random.Generator, at_s: float) -> None:
-    """The gap to the leader closes and opens as a cosine: gap and closing speed are known at each moment."""
+def _plant_closing_leader(drive: Planted, rng: np.random.Generator, at_s: float) -> Array:
+    """The gap to the leader closes and opens as a cosine; returns the time to contact, known from gap and closing."""
     t = drive.time_s
     width_s, least_m = rng.uniform(2.0, 2.4), rng.uniform(1.0, 2.0)
     far_m = rng.uniform(45.0, 60.0)
@@ -131,8 +131,14 @@ def plant_near_miss(drive: Planted, rng: np.random.Generator, at_s: float) -> No
     ego_s, ego_l = drive.ego
     drive.others = {"leader": (ego_s + gap_m + LENGTH_M, ego_l)}
     closing = -np.gradient(gap_m, t)
-    drive.truth["near-miss"] = first_and_last(t, (closing > 0.01) & (gap_m / np.maximum(closing, 0.01) < 1.5))
+    ttc_s = np.where(closing > 0.01, gap_m / np.maximum(closing, 0.01), np.inf)
+    drive.truth["near-miss"] = first_and_last(t, ttc_s < 1.5)
     drive.implied |= {"tailgating", "hard-brake-other", "hard-brake"}
+    return ttc_s
+
+
+def plant_near_miss(drive: Planted, rng: np.random.Generator, at_s: float) -> None:
+    _plant_closing_leader(drive, rng, at_s)
 
 
 def plant_tailgating(drive: Planted, rng: np.random.Generator, at_s: float) -> None:
@@ -236,11 +242,31 @@ def plant_sensor_gap(drive: Planted, rng: np.random.Generator, at_s: float) -> N
     drive.truth["sensor-gap"] = drive.imu_gap_s
 
 
-def plant_warning(drive: Planted, rng: np.random.Generator, at_s: float) -> None:
+def _plant_warning(drive: Planted, rng: np.random.Generator, at_s: float, verdict: str) -> None:
     span = (at_s, at_s + rng.uniform(0.6, 2.0))
     drive.warnings_s = [(*span, "leader")]
-    drive.truth["warning"] = drive.truth["warning-false"] = span
+    drive.truth["warning"] = drive.truth[verdict] = span
     drive.implied |= {"disagreement"}
+
+
+def plant_false_warning(drive: Planted, rng: np.random.Generator, at_s: float) -> None:
+    _plant_warning(drive, rng, at_s, "warning-false")
+
+
+def plant_true_warning(drive: Planted, rng: np.random.Generator, at_s: float) -> None:
+    """A conflict begins a second before the contact."""
+    begin_s, _ = first_and_last(drive.time_s, _plant_closing_leader(drive, rng, at_s) < 1.0)
+    _plant_warning(drive, rng, begin_s - rng.uniform(0.3, 2.0), "warning-true")
+
+
+def plant_late_warning(drive: Planted, rng: np.random.Generator, at_s: float) -> None:
+    begin_s, end_s = first_and_last(drive.time_s, _plant_closing_leader(drive, rng, at_s) < 1.0)
+    _plant_warning(drive, rng, begin_s + rng.uniform(0.3, 0.7) * (end_s - begin_s), "warning-late")
+
+
+def plant_undecided_warning(drive: Planted, rng: np.random.Generator, _: float) -> None:
+    """The drive ends before a conflict could have followed."""
+    _plant_warning(drive, rng, float(drive.time_s[-1]) - rng.uniform(1.0, 1.8), "warning-undecided")
 
 
 def plant_disagreement(drive: Planted, rng: np.random.Generator, at_s: float) -> None:
@@ -268,7 +294,10 @@ PLANTS: dict[str, Callable[[Planted, np.random.Generator, float], None]] = {
     "stop-and-go": plant_stop_and_go,
     "gnss-outage": plant_gnss_outage,
     "sensor-gap": plant_sensor_gap,
-    "warning": plant_warning,
+    "warning-false": plant_false_warning,
+    "warning-true": plant_true_warning,
+    "warning-late": plant_late_warning,
+    "warning-undecided": plant_undecided_warning,
     "disagreement": plant_disagreement,
     "doubt": plant_doubt,
 }
@@ -276,7 +305,7 @@ PLANTS: dict[str, Callable[[Planted, np.random.Generator, float], None]] = {
 
 
 def planted_drive(kind: str, seed: int) -> Planted:
-    """A quiet drive of 60 s with one planted event between 20 s and 30 s; the same for the same seed."""
+    """A quiet drive of 60 s with one planted event from 20 s to 30 s, or at its end; the same for the same seed."""
     rng = np.random.default_rng(seed)
     drive = quiet_drive(rng)
     at_s = float(rng.uniform(20.0, 30.0))

@@ -139,6 +139,24 @@ def measure_prediction(_: int) -> Numbers:
     return values
 
 
+def measure_planted_events(drives: int) -> Numbers:
+    """What `cwcli find` finds in drives with one planted event each, and in an hour without any for 20 of these."""
+    study = import_module("tests.studies.planted_events")
+    counts = study.count_planted(drives)
+    each = counts.values()
+    return without_interval(
+        {
+            "planted": sum(event.n_planted for event in each),
+            "found": sum(event.n_found for event in each),
+            "false": sum(event.n_false for event in each),
+            "balanced accuracy": study.balanced_accuracy(counts),
+            "worst error [s]": max(max(event.errors_s, default=np.nan) for event in each),
+            "quiet hours": drives / 20,
+            "in quiet hours": study.count_in_quiet_hours(drives / 20),
+        }
+    )
+
+
 def measure_tracking(_: int) -> Numbers:
     """Errors of `cwcli track` on a real log of one target, causal and smoothed."""
     log = str(DEVELOPMENT_LOGS / "udacity-obj-pose.ros2.mcap")

@@ -18,6 +18,7 @@ MEASURED_SECTIONS: dict[str, tuple[str, ...]] = {
     "conformance.md": ("Over many seeds",),
     "control.md": ("Measured",),
     "estimation.md": ("Accuracy of latencies",),
+    "find.md": ("Measured",),
     "lanes.md": ("Accuracy",),
     "observer.md": ("Accuracy on rendered drives",),
     "papers/song2016-choices.md": ("Table 1", "Figure 7", "Figures 9 and 11", "Traps", "Figures 12 to 15"),

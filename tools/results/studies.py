@@ -234,6 +234,12 @@ STUDIES: dict[str, Study] = {
         100,
         10,
     ),
+    "planted-events": Study(
+        "python -m tests.studies.planted_events --drives 200 --hours 10",
+        _measured_by(page_studies.measure_planted_events),
+        200,
+        20,
+    ),
     "labelled-lanes": Study(
         "cwcli lanes tusimple-0313-dev.mcap -o lanes.mcap; cwcli evaluate lanes.mcap",
         _measured_by(page_studies.measure_labelled_lanes),
