@@ -5,8 +5,8 @@ Tables: https://github.com/ros2/rosbag2, folder rosbag2_storage_sqlite3, file sq
 whose topic is not in `topics` are counted.
 
 Only real tables with stored columns are read (`cwcli.logs.read.sqlite_files` bounds the rest). The definitions of the
-database are schemas as they are. A database without definitions gets those of the latest release that the library
-`rosbags` knows; definitions in IDL are parsed by it. No code is made from either.
+database are schemas as they are, or in `ros2msg` what they say in IDL. A database without definitions gets those of
+the latest release that the library `rosbags` knows. No code is made from either.
 """
 
 from __future__ import annotations
@@ -14,11 +14,14 @@ from __future__ import annotations
 import sqlite3
 from collections import Counter
 from collections.abc import Generator, Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cwcli.errors import InputError, UsageError, install_hint
 from cwcli.input import InputFile
 from cwcli.logs.codecs.compressed_messages import MAX_DECOMPRESSED_MESSAGE_BYTES, ZSTD_MAGIC, decompress_message
+from cwcli.logs.codecs.ros2idl import ros2msg_text_of_idl
+from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, ReadBounds
 from cwcli.logs.read.ros_definitions import MAX_CHANNELS, iter_schemas_and_channels
@@ -176,14 +179,14 @@ def _read_topics(database: sqlite3.Connection) -> list[TopicRow]:
 def _load_definitions_by_type_and_type_store(database: sqlite3.Connection, name: str) -> tuple[dict[str, bytes], Any]:
     """Return the definitions of the database by type, and a type store of `rosbags` for other types, or None.
 
-    The store holds what the database defines in IDL, or, if it defines nothing, the types of the latest release.
+    The store holds the types of the latest release, and is there if the database defines nothing.
 
     Raises:
         UsageError: `rosbags` is needed and is not installed.
         ValueError: The definitions are too long.
     """
     own: dict[str, bytes] = {}
-    idl: list[str] = []
+    n_definitions = 0
     n_left = MAX_DEFINITIONS_BYTES
     if _table_column_names(database, "message_definitions") >= DEFINITION_COLUMNS:
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions NOT INDEXED"
@@ -191,23 +194,20 @@ def _load_definitions_by_type_and_type_store(database: sqlite3.Connection, name:
             n_left -= len(str(text))
             if n_left < 0:
                 raise ValueError(f"its message definitions have more than {MAX_DEFINITIONS_BYTES:,} characters")
+            n_definitions += encoding in ("ros2msg", "ros2idl")
             if encoding == "ros2msg":
                 own[str(kind)] = str(text).encode()
             elif encoding == "ros2idl":
-                idl.append(str(text))
-    if own and not idl:
+                with suppress(SchemaError):  # its type is then told as one without a definition
+                    own[str(kind)] = ros2msg_text_of_idl(str(kind), str(text)).encode()
+    if n_definitions:
         return own, None
     try:
-        from rosbags.typesys import Stores, get_types_from_idl, get_typestore
+        from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         what = "a database without its message definitions needs a package that is not installed"
         raise UsageError(what, where=name, hint=install_hint("bags")) from error
-    if not idl:
-        return own, get_typestore(Stores.LATEST)
-    store = get_typestore(Stores.EMPTY)
-    for text in idl:
-        store.fielddefs.update(get_types_from_idl(text))  # `register` would generate code from it
-    return own, store
+    return own, get_typestore(Stores.LATEST)
 
 
 def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: dict[str, int]) -> None:

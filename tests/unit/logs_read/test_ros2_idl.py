@@ -1,0 +1,98 @@
+"""Definitions in IDL, as rosbag2 writes them for types that have no `.msg` file: the values, and what is hostile."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_types_from_idl, get_typestore
+
+from cwcli.logs.codecs.ros2idl import MAX_IDL_CHARACTERS, ros2msg_text_of_idl
+from cwcli.logs.codecs.ros2msg import SchemaError, parse_message_definitions
+from cwcli.logs.read.reader import Log
+
+OUTER = """module pkg { module msg {
+  typedef double double__3[3];
+  module Outer_Constants { const uint8 LEFT = 1; const uint32 N = 2; };
+  @verbatim (language="comment", text= "An (outer" "\\n" "message")
+  struct Outer {
+    pkg::msg::Inner inner;
+    sequence<pkg::msg::Inner, 4> others; /* at most
+    four */ double__3 xyz;
+    string<10> name;
+    @default (value=3) int32 n;
+    unsigned long long stamp;
+    boolean is_on, is_off;
+  };
+}; };
+"""
+INNER = "module pkg { module msg { struct Inner { float x; }; }; };\n"
+HEAD = "=" * 80 + '\nIDL: pkg/msg/{}\n// generated from rosidl\n#include "pkg/msg/Inner.idl"\n'
+WRITTEN = HEAD.format("Outer") + OUTER + "\n" + HEAD.format("Inner") + INNER
+ENCODED = struct.pack("<4xfI2f3dI4si4xQ??", 1.5, 2, 2.5, 3.5, *(1.0, 2.0, 3.0), 4, b"abc\0", 7, 9, True, False)
+
+
+def database(path: Path, text: str) -> Path:
+    """A database of rosbag2 (Jazzy) with a message of `pkg/msg/Outer`, whose definition is in IDL."""
+    with closing(sqlite3.connect(path)) as opened, opened:
+        opened.executescript(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT);"
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB);"
+            "CREATE TABLE message_definitions(topic_type TEXT, encoding TEXT, encoded_message_definition TEXT);"
+            "INSERT INTO topics VALUES(1, '/t', 'pkg/msg/Outer', 'cdr')"
+        )
+        opened.execute("INSERT INTO message_definitions VALUES('pkg/msg/Outer', 'ros2idl', ?)", (text,))
+        opened.execute("INSERT INTO messages VALUES(1, 1, 1000, ?)", (b"\0\1" + ENCODED[2:],))
+    return path
+
+
+def test_a_message_in_a_message_of_idl(tmp_path: Path) -> None:
+    with Log.open(database(tmp_path / "a.db3", WRITTEN)) as log:
+        fields: Any = log.columns("/t").fields
+    assert np.asarray(fields["inner.x"]).tolist() == [1.5]
+    assert fields["others.x"].values.tolist() == [2.5, 3.5]
+    assert np.asarray(fields["xyz"]).tolist() == [[1.0, 2.0, 3.0]]
+    assert fields["name"].values == ("abc",)
+    assert [int(np.asarray(fields[name])[0]) for name in ("n", "stamp", "is_on", "is_off")] == [7, 9, 1, 0]
+
+
+def test_fields_are_those_of_the_library() -> None:
+    """`rosbags` reads one definition at a time, without the lines that rosbag2 puts between them."""
+    store = get_typestore(Stores.EMPTY)
+    for text in (INNER, OUTER):
+        store.fielddefs.update(get_types_from_idl(text))
+    expected = parse_message_definitions("pkg/msg/Outer", store.generate_msgdef("pkg/msg/Outer", ros_version=2)[0])
+    assert parse_message_definitions("pkg/msg/Outer", ros2msg_text_of_idl("pkg/msg/Outer", WRITTEN)) == expected
+
+
+def test_a_definition_that_cannot_be_read_is_counted(tmp_path: Path) -> None:
+    with Log.open(database(tmp_path / "a.db3", "union X switch (long) {};")) as log:
+        assert log.n_messages == 1
+        assert "message types without a definition (pkg/msg/Outer)" in log.faults.counts_by_reason()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "/*" * 100_000,
+        '"\\' * 100_000,
+        "@a(" * 60_000,
+        "module a { " * 20_000,
+        "struct Outer { " + "sequence<" * 20_000,
+        "".join(f"typedef a{k + 1} a{k};" for k in range(9_000)) + "struct Outer { a0 x; };",
+        "typedef long a[3]; struct Outer { a x[3]; };",
+        "struct Outer { long x[99999999999999999999]; };",
+        "struct Outer { long x[A]; };" + "const long A = 1;" * 9_000,
+        "struct Outer { long x",
+        "struct Outer { " + "x" * MAX_IDL_CHARACTERS,
+    ],
+    ids=range(11),
+)
+def test_hostile_idl_is_an_error(text: str) -> None:
+    with pytest.raises(SchemaError):
+        ros2msg_text_of_idl("Outer", text)
