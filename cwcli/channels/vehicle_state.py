@@ -189,7 +189,7 @@ def read_vehicle_states(columns: Columns, *, with_covariance: bool = True) -> Ve
         log_time_ns=columns.log_time_ns,
         state=np.column_stack([read_numbers(columns, name, required=True) for name in STATE_NAMES]),
         covariance=(
-            _read_full_or_packed_covariances(columns)
+            _read_covariances_full_or_packed_as_stored(columns)
             if with_covariance
             else np.broadcast_to(np.nan, (len(columns), N_STATES, N_STATES))
         ),
@@ -199,7 +199,7 @@ def read_vehicle_states(columns: Columns, *, with_covariance: bool = True) -> Ve
     )
 
 
-def _read_full_or_packed_covariances(columns: Columns) -> Covariances:
+def _read_covariances_full_or_packed_as_stored(columns: Columns) -> Covariances:
     """Read the covariances: packed, or full as older versions wrote them.
 
     Raises:

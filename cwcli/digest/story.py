@@ -124,7 +124,9 @@ def _build_story_without_doubts(
             badges.append(
                 Badge(f"{format_count(len(drive_encounters.missed_conflicts), 'conflict')} without a warning", "bad")
             )
-        more = _missed_conflict_sentences(drive, drive_encounters) or _right_silence_sentences(drive, drive_encounters)
+        more = _missed_conflict_sentences(drive, drive_encounters) or _drive_rightly_without_warnings_sentences(
+            drive, drive_encounters
+        )
         return Story(_no_warning_sentence(drive, drive_encounters), tuple(more), tuple(badges), length=length)
     if len(drive_encounters.encounters) == 1:
         headline = encounter_sentence(drive, drive_encounters.encounters[0])
@@ -329,7 +331,7 @@ def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str
     return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away, {between}, at {at}."
 
 
-def _right_silence_sentences(drive: Drive, drive_encounters: DriveEncounters) -> list[str]:
+def _drive_rightly_without_warnings_sentences(drive: Drive, drive_encounters: DriveEncounters) -> list[str]:
     """Say that no warning was due, by the tracks of all others; [] where they do not tell."""
     if drive.ego is None or drive_encounters.nearest is None or drive_encounters.n_not_compared:
         return []

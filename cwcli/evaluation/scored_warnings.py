@@ -60,7 +60,7 @@ class WarningScores:
     host_hours: float
 
     @property
-    def n_events(self) -> int:
+    def n_warnings(self) -> int:
         """Number of warnings."""
         return self.n_true + self.n_late + self.n_false + self.n_undecided
 
@@ -261,7 +261,7 @@ def _build_scores_table(scores: WarningScores, rule: str, n_withheld: int, *, n_
     leads = scores.lead_times_s
     row = {
         "rule": rule,
-        "n_events": scores.n_events,
+        "n_events": scores.n_warnings,
         "n_true": scores.n_true,
         "n_late": scores.n_late,
         "n_false": scores.n_false,

@@ -214,7 +214,7 @@ def _held_out_nees(rows: _TruthRows, kind: _RuleKind) -> float:
     return max(left)
 
 
-def _least_squares_fit(columns: Callable[[_TruthRows], FloatArray]) -> _RuleFit:
+def _weighted_fit_of_truth_minus_track(columns: Callable[[_TruthRows], FloatArray]) -> _RuleFit:
     """Return the weighted least squares of truth minus track by columns (n, d, p)."""
 
     def fit(rows: _TruthRows, chosen: BoolArray) -> FloatArray:
@@ -398,7 +398,7 @@ CLOCK_RULE_KIND = _RuleKind(
 """Another clock; it comes first, because it holds for all quantities."""
 REFERENCE_POINT_RULE_KIND = _RuleKind(
     ("position",),
-    _least_squares_fit(_reference_point_columns),
+    _weighted_fit_of_truth_minus_track(_reference_point_columns),
     _correct_by_linear_columns(_reference_point_columns),
     _point_text,
     "Give the mounting of the position's sensor with --lever-arm, or take a truth of the same point.",
@@ -406,7 +406,7 @@ REFERENCE_POINT_RULE_KIND = _RuleKind(
 """Another point of the car."""
 MAP_OFFSET_RULE_KIND = _RuleKind(
     ("position",),
-    _least_squares_fit(_map_offset_columns),
+    _weighted_fit_of_truth_minus_track(_map_offset_columns),
     _correct_by_linear_columns(_map_offset_columns),
     _map_offset_text,
     "Check the datum and the origin of the truth and of the fixes.",
@@ -425,7 +425,7 @@ TRUTH_RULE_KINDS = (
     MAP_OFFSET_RULE_KIND,
     _RuleKind(
         ("position",),
-        _least_squares_fit(_map_rotation_columns),
+        _weighted_fit_of_truth_minus_track(_map_rotation_columns),
         _correct_by_linear_columns(_map_rotation_columns),
         _map_text,
         "Check the projection of the truth's positions.",
@@ -434,7 +434,7 @@ TRUTH_RULE_KINDS = (
     _kind_of_clock_and_other_rule(MAP_OFFSET_RULE_KIND),
     _RuleKind(
         ("speed",),
-        _least_squares_fit(_speed_columns),
+        _weighted_fit_of_truth_minus_track(_speed_columns),
         lambda rows, share: _with_truth(rows, rows.truth / (1.0 + share)),
         lambda share: f"is {1.0 + share[0]:.4g} times the estimated one, as in another unit or by another wheel",
         "Check the unit of the truth's speed.",

@@ -163,7 +163,7 @@ def add_metrics(context: EvaluationContext) -> None:
                 if context.ego.states is not None:
                     driven_km = driven_distance_m(context.ego.states) / 1000.0
                     headline.add_from_sums(
-                        "warnings.raised_per_100km", scores.n_events, driven_km / 100.0, n=scores.n_events
+                        "warnings.raised_per_100km", scores.n_warnings, driven_km / 100.0, n=scores.n_warnings
                     )
             if len(collision_rules) > 1 and find_metric(f"warnings.{rule}.precision") is not None:
                 add_warning_scores(headline, f"warnings.{rule}", scores)
@@ -191,10 +191,10 @@ def _rule_names_from_records(records: Mapping[str, Record]) -> list[str]:
 def add_warning_scores(headline: HeadlineCollector, prefix: str, scores: WarningScores) -> None:
     """Add the scores of one rule under a prefix of metrics, with counts for `warnings` and for another system."""
     n_warned = scores.n_in_time + scores.n_warned_late
-    decided = scores.n_events - scores.n_undecided
+    decided = scores.n_warnings - scores.n_undecided
     is_whole = find_metric(f"{prefix}.count") is not None
     if is_whole:
-        headline.add_count(f"{prefix}.count", scores.n_events)
+        headline.add_count(f"{prefix}.count", scores.n_warnings)
         headline.add_count(f"{prefix}.conflicts_count", scores.n_conflicts)
         headline.add_count(f"{prefix}.missed_count", scores.n_conflicts - n_warned)
         headline.add_count(f"{prefix}.false_count", scores.n_false)
@@ -207,7 +207,7 @@ def add_warning_scores(headline: HeadlineCollector, prefix: str, scores: Warning
         headline.add_from_sums(f"{prefix}.lead_time_min_s", min(scores.lead_times_s), 1.0, n=len(scores.lead_times_s))
     headline.add_from_sums(f"{prefix}.false_alarms_per_hour", scores.n_false, scores.host_hours, n=scores.n_false)
     if is_whole:
-        headline.add_from_sums(f"{prefix}.raised_per_hour", scores.n_events, scores.host_hours, n=scores.n_events)
+        headline.add_from_sums(f"{prefix}.raised_per_hour", scores.n_warnings, scores.host_hours, n=scores.n_warnings)
 
 
 def judge_published_warnings(

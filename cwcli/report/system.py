@@ -44,12 +44,12 @@ def other_system_sentences(drive: Drive) -> list[str]:
     if drive.other_system is None:
         return []
     topic, scores = escape_control_characters(drive.other_system.topic), drive.other_system.flag_scores.scores
-    if not scores.n_events:
+    if not scores.n_warnings:
         text = f"The other system ({topic}) gave no warning"
     else:
         kinds = Counter(each.kind for each in drive.other_system.flag_scores.judged)
         parts = join_names([f"{kinds[kind]} {said}" for kind, said in VERDICT_PHRASES.items() if kinds[kind]])
-        text = f"The other system ({topic}) gave {format_count(scores.n_events, 'warning')}: {parts}"
+        text = f"The other system ({topic}) gave {format_count(scores.n_warnings, 'warning')}: {parts}"
     if not scores.n_conflicts:
         return [f"{text}."]
     n_warned = scores.n_in_time + scores.n_warned_late

@@ -51,7 +51,7 @@ N_EVENT_FLAGS = len(EVENT_FLAG_NAMES)
 HARD_BRAKING_FLAG_NAME = "eventHardBraking"
 """The name of the flag with which a sender reports that it brakes with more than 0.4 g (SAE J2735)."""
 
-CODED_FLAGS_PATHS = ("partII.partII-Value.events", "partII.partII-Value.VehicleSafetyExtensions.events")
+JSON_PATHS_OF_CODED_EVENT_FLAGS = ("partII.partII-Value.events", "partII.partII-Value.VehicleSafetyExtensions.events")
 """The paths at which a JSON BSM has all flags in one text or number, directly or as `value`."""
 NAMED_FLAGS_PATHS = ("payload.data.partII.value.events", "partII.value.events", "partII.partII-Value.events")
 """The paths below which a JSON message has each flag as a field of its own."""
@@ -156,7 +156,12 @@ def format_flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ..
 
 
 def _coded_flags_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(prefix + place + end for prefix in prefixes for place in CODED_FLAGS_PATHS for end in ("", ".value"))
+    return tuple(
+        prefix + place + end
+        for prefix in prefixes
+        for place in JSON_PATHS_OF_CODED_EVENT_FLAGS
+        for end in ("", ".value")
+    )
 
 
 def _decode_coded_flags_and_unreadable(field: Field | None, n: int) -> tuple[Int64Array, BoolArray]:

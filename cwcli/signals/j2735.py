@@ -60,7 +60,7 @@ ODE_SOURCE_OF_EGO = "ev"
 """The text of that field for the recording vehicle, in lower case."""
 M_PER_ODE_SIZE_STEP = 0.01
 """One step of a vehicle size in the ODE's messages, in metres."""
-QUANTITIES_OF_EVENT_PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
+QUANTITIES_OF_EVENT_FLAG_PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
 """The quantities that give place and time of an event flag."""
 JSON_LEAF_FIELDS = (
     ODE_SOURCE_PATH,
@@ -127,7 +127,7 @@ def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, 
         for each in (JSON_RAW_PATHS, JSON_ODE_PATHS):
             if prefix + each["latitude_deg"] in columns.fields:
                 paths = {name: prefix + leaf for name, leaf in each.items()}
-    value = {name: read_numbers(columns, paths[name]) for name in QUANTITIES_OF_EVENT_PLACE_AND_TIME}
+    value = {name: read_numbers(columns, paths[name]) for name in QUANTITIES_OF_EVENT_FLAG_PLACE_AND_TIME}
     if paths["latitude_deg"].endswith(JSON_RAW_PATHS["latitude_deg"]):
         value = _decode_place_codes_of_events(value)
     return _make_flag_events_and_unreadable(
@@ -141,7 +141,7 @@ def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, 
 def read_ros_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `j2735_v2x_msgs/BSM` channel."""
     value = _decode_place_codes_of_events(
-        {name: read_numbers(columns, ROS_PATHS[name]) for name in QUANTITIES_OF_EVENT_PLACE_AND_TIME}
+        {name: read_numbers(columns, ROS_PATHS[name]) for name in QUANTITIES_OF_EVENT_FLAG_PLACE_AND_TIME}
     )
     return _make_flag_events_and_unreadable(
         columns, bsm_flags.read_ros_event_flags_and_unreadable(columns), identify_ros_senders(columns).station, value

@@ -115,12 +115,18 @@ def strip_table_marks_from_path(path: str) -> str:
 @cache
 def ros_leaf_path(path: str) -> str:
     """Return the leaf field that the ROS messages of ETSI have for a component."""
-    return _snake_case(strip_table_marks_from_path(path)) + (".choice" if path.endswith(":choice") else ".value")
+    return _snake_case_dotted_path(strip_table_marks_from_path(path)) + (
+        ".choice" if path.endswith(":choice") else ".value"
+    )
 
 
 def ros_presence_paths(paths: Mapping[str, str]) -> dict[str, str]:
     """Return quantity -> leaf field of the flag that says whether it is there, for the optional ones of ETSI."""
-    return {name: f"{_snake_case(path.partition('?')[0])}_is_present" for name, path in paths.items() if "?" in path}
+    return {
+        name: f"{_snake_case_dotted_path(path.partition('?')[0])}_is_present"
+        for name, path in paths.items()
+        if "?" in path
+    }
 
 
 def ros_leaf_fields_of_components(paths: Mapping[str, str]) -> tuple[str, ...]:
@@ -134,5 +140,5 @@ def parse_presence_bits(flags: Mapping[str, str]) -> list[tuple[str, str, int]]:
     return [(name, path, int(bit)) for name, (path, _, bit) in cells]
 
 
-def _snake_case(path: str) -> str:
+def _snake_case_dotted_path(path: str) -> str:
     return re.sub(r"(?<=[a-z0-9])[A-Z]+", lambda match: f"_{match[0].lower()}", path)

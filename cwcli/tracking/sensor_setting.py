@@ -94,7 +94,7 @@ def _make_choice_parser(*names: str) -> Callable[[str], str]:
     return require_known_name
 
 
-_RANGE_RATE_SETTINGS: dict[str, dict[str, bool]] = {
+_SENSOR_FIELDS_BY_RANGE_RATE_DIRECTION: dict[str, dict[str, bool]] = {
     "away": {},
     "toward": {"is_rate_towards": True},
     "off": {"use_range_rate": False},
@@ -111,7 +111,9 @@ _SETTING_PARSERS: dict[str, Callable[[str], dict[str, Any]]] = {
     "range_m": lambda text: {"max_range_m": _parse_positive_number(text)},
     "fov_deg": lambda text: {"field_of_view_rad": math.radians(_parse_positive_number(text))},
     "detection": lambda text: {"detection_probability": _parse_probability(text)},
-    "rate": lambda text: dict(_RANGE_RATE_SETTINGS[_make_choice_parser(*_RANGE_RATE_SETTINGS)(text)]),
+    "rate": lambda text: dict(
+        _SENSOR_FIELDS_BY_RANGE_RATE_DIRECTION[_make_choice_parser(*_SENSOR_FIELDS_BY_RANGE_RATE_DIRECTION)(text)]
+    ),
 }
 """Key of the option -> parser of its value to fields of the setting."""
 

@@ -178,7 +178,7 @@ def host_and_received_vehicles(drive: SimulatedDrive) -> tuple[KnownVehicle, lis
     grid_ns = np.arange(first_ns, last_ns + 1, SENSOR_PERIOD_NS, dtype=np.int64)
     config = EstimatorConfig(latency="none", causal=True)
     sizes = drive.scenario.vehicles[HOST_NAME]
-    track = estimate_track(_host_measurements(drive), config, grid_ns)
+    track = estimate_track(_host_measurements_by_sensor(drive), config, grid_ns)
     host = KnownVehicle(HOST_NAME, track, grid_ns, PREDICTION_HORIZON_S, sizes.length_m, sizes.width_m)
     others = []
     for received in drive.v2x.values():
@@ -200,7 +200,7 @@ def host_and_received_vehicles(drive: SimulatedDrive) -> tuple[KnownVehicle, lis
     return host, others
 
 
-def _host_measurements(drive: SimulatedDrive) -> list[Measurements]:
+def _host_measurements_by_sensor(drive: SimulatedDrive) -> list[Measurements]:
     """Return the measurements of the host's sensors."""
     sensors = drive.sensors
     gnss, imu = sensors["gnss"], sensors["imu"]

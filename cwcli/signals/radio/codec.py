@@ -74,9 +74,13 @@ MESSAGE_FAULT_TEXTS: dict[int, str] = {
 }
 """The reason for rejecting a message, by status code."""
 SENDER_MESSAGES: dict[str, RoadUserMessage] = {
-    "BSM": RoadUserMessage(standard_messages.BSM, standard_messages.bsm_fields_from_decoded, j2735.JSON_BSM_CODEC),
-    "CAM": RoadUserMessage(standard_messages.CAM, standard_messages.cam_fields_from_decoded, etsi.CAM_AND_VAM_CODEC),
-    "VAM": RoadUserMessage(standard_messages.VAM, standard_messages.vam_fields_from_decoded, etsi.CAM_AND_VAM_CODEC),
+    "BSM": RoadUserMessage(standard_messages.BSM, standard_messages.bsm_json_fields_from_decoded, j2735.JSON_BSM_CODEC),
+    "CAM": RoadUserMessage(
+        standard_messages.CAM, standard_messages.cam_ros_fields_from_decoded, etsi.CAM_AND_VAM_CODEC
+    ),
+    "VAM": RoadUserMessage(
+        standard_messages.VAM, standard_messages.vam_ros_fields_from_decoded, etsi.CAM_AND_VAM_CODEC
+    ),
 }
 """The messages that describe their sender, by name."""
 PERCEPTION_MESSAGES: dict[str, RoadUserMessage] = {

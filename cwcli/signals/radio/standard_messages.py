@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cwcli.signals import cpm, denm, etsi
-from cwcli.signals.bsm_flags import CODED_FLAGS_PATHS
+from cwcli.signals.bsm_flags import JSON_PATHS_OF_CODED_EVENT_FLAGS
 from cwcli.signals.columns import Field
 from cwcli.signals.j2735 import JSON_RAW_PATHS
 from cwcli.signals.radio.messages import DecodedMessages, PackedMessage, format_station_ids
@@ -37,7 +37,7 @@ CPM = _etsi_message("cpm", cpm.CPM_PATHS, message_id=14, version=2, objects_path
 """The packed CPM; version 1 (TR 103 562) is packed differently."""
 BSM_STATION_ID_PATH = JSON_RAW_PATHS["station"]
 """The component of the temporary id of a BSM's sender."""
-BSM_EVENT_FLAGS_PATH = CODED_FLAGS_PATHS[0]
+BSM_EVENT_FLAGS_PATH = JSON_PATHS_OF_CODED_EVENT_FLAGS[0]
 """The component of the event flags of a BSM."""
 BSM = PackedMessage("bsm", JSON_RAW_PATHS | {"events": BSM_EVENT_FLAGS_PATH})
 """The packed BSM: its core data (part I) and the event flags of part II."""
@@ -45,17 +45,17 @@ SDSM = PackedMessage("sdsm", SDSM_PATHS, OBJECTS_PATH)
 """The packed SDSM: its sender and its objects."""
 
 
-def cam_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
+def cam_ros_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the leaf fields of the ROS message that `signals.etsi` reads, from decoded CAMs."""
     return {ros_leaf_path(etsi.CAM_PATHS[name]): values for name, values in CAM.read_quantities(decoded).items()}
 
 
-def vam_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
+def vam_ros_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the leaf fields of the ROS message that `signals.etsi` reads, from decoded VAMs."""
     return {ros_leaf_path(etsi.VAM_PATHS[name]): values for name, values in VAM.read_quantities(decoded).items()}
 
 
-def bsm_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
+def bsm_json_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the leaf fields of a JSON BSM that `signals.j2735` reads, from decoded messages."""
     fields: dict[str, Field] = {path: decoded.component_numbers(path) for path in JSON_RAW_PATHS.values()}
     fields[BSM_STATION_ID_PATH] = format_station_ids(decoded.component_codes(BSM_STATION_ID_PATH))

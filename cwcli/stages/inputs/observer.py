@@ -35,7 +35,7 @@ PREVIEW_DISTANCE_RANGE_M = (0.1, 1e3)
 
 REPEATED_STAMP_REASON = "stamp repeated"
 """The reason for rejecting a frame whose stamp an earlier frame has."""
-OUT_OF_RANGE_REPAIR = "value out of range, left out"
+NAME_OF_REPAIR_OF_VALUES_OUT_OF_RANGE = "value out of range, left out"
 """The name of the repair that drops preview values beyond `MAX_PREVIEW_LATERAL_HEADING_CURVATURE`."""
 NO_STAMP_REASON = "no usable stamp"
 """The reason for rejecting a frame whose stamp is missing or no time."""
@@ -100,7 +100,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     rejected = {NO_STAMP_REASON: len(columns) - len(usable), REPEATED_STAMP_REASON: len(usable) - len(rows)}
     repaired = {
         "stamp out of order, sorted": int(np.count_nonzero(np.diff(stamp_ns[usable]) < 0)),
-        OUT_OF_RANGE_REPAIR: int(np.count_nonzero(is_beyond.any(axis=1))),
+        NAME_OF_REPAIR_OF_VALUES_OUT_OF_RANGE: int(np.count_nonzero(is_beyond.any(axis=1))),
     }
     samples = LaneSamples(
         *(stamp_ns[rows], values[:, 0], values[:, 1], values[:, 2], sigma[:, 0], sigma[:, 1], sigma[:, 2]),
