@@ -266,7 +266,7 @@ def test_more_shards_than_logs(runs: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("n_logs", "n_shards", "n_kills"), [(12, 3, 5), pytest.param(200, 8, 20, marks=pytest.mark.long)]
+    ("n_logs", "n_shards", "n_kills"), [(12, 3, 5), pytest.param(1000, 8, 20, marks=pytest.mark.long)]
 )
 def test_shards_that_are_killed_at_any_moment_and_rerun_equal_one_run(
     tmp_path: Path, n_logs: int, n_shards: int, n_kills: int

@@ -251,7 +251,12 @@ class BreakingStore(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer with what the store behind answers, or half of it."""
-        request = urllib.request.Request(f"{self.behind}{self.path}", headers=dict(self.headers.items()))
+        self.pass_on(None)
+
+    def pass_on(self, data: bytes | None) -> None:
+        """Send the request with its data to the store behind, and its answer back."""
+        headers = {"Content-Type": "application/octet-stream", **self.headers}  # else urllib calls it a form
+        request = urllib.request.Request(f"{self.behind}{self.path}", data, headers, method=self.command)
         try:
             answer = urllib.request.urlopen(request, timeout=600)
         except urllib.error.HTTPError as error:
@@ -282,13 +287,77 @@ class BreakingStore(BaseHTTPRequestHandler):
 def test_a_store_that_dies_in_mid_read_is_one_line(
     bucket: dict[str, str], run_in_store: Path, command: tuple[str, ...], broken: str, where: str
 ) -> None:
-    handler = type("Handler", (BreakingStore,), {"behind": bucket["AWS_ENDPOINT_URL"], "broken": broken})
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        Thread(target=server.serve_forever, daemon=True).start()
-        environment = {**bucket, "AWS_ENDPOINT_URL": f"http://127.0.0.1:{server.server_port}"}
+    with served(type("Breaking", (BreakingStore,), {"broken": broken}), bucket) as environment:
         done = call_cwcli(environment, run_in_store, *command)
-        server.shutdown()
     assert done.returncode == 3, done.stderr
     said = " ".join(done.stderr.split())
     assert said.startswith(f"error: {where}") and "the connection broke before the whole file had come" in said
     assert sorted(path.name for path in run_in_store.iterdir()) == ["out", "rear-end.mcap", "straight.mcap"]
+
+
+class ThrottlingStore(BreakingStore):
+    """Passes requests on to a store; answers those that `is_throttled` picks by their number as S3 says it is busy."""
+
+    broken = "$^"
+    protocol_version = "HTTP/1.1"  # a client that sends a file waits for `100 Continue`
+    n_requests: ClassVar[int] = 0
+
+    @staticmethod
+    def is_throttled(number: int) -> bool:
+        """Whether the store is busy: at every third request."""
+        return number % 3 == 0
+
+    def do_PUT(self) -> None:
+        """Answer with what the store behind answers, or that it is busy."""
+        ThrottlingStore.n_requests += 1
+        body = self.rfile.read(int(self.headers.get("Content-Length", 0)))
+        if self.is_throttled(ThrottlingStore.n_requests):
+            words = b"<Error><Code>SlowDown</Code><Message>Please reduce your request rate.</Message></Error>"
+            self.send_response(503)
+            self.send_header("Content-Length", str(len(words)))
+            self.end_headers()
+            self.wfile.write(b"" if self.command == "HEAD" else words)
+        else:
+            self.pass_on(body or None)
+
+    do_GET = do_HEAD = do_POST = do_DELETE = do_PUT
+
+
+@contextlib.contextmanager
+def served(handler: type[BaseHTTPRequestHandler], bucket: dict[str, str]) -> Iterator[dict[str, str]]:
+    """Serve what stands before a store; yields the environment that leads to it."""
+    own = type("Handler", (handler,), {"behind": bucket["AWS_ENDPOINT_URL"]})
+    with ThreadingHTTPServer(("127.0.0.1", 0), own) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield {**bucket, "AWS_ENDPOINT_URL": f"http://127.0.0.1:{server.server_port}"}
+        server.shutdown()
+
+
+def test_shards_in_a_store_that_throttles_are_merged_into_what_one_run_writes(
+    bucket: dict[str, str], run_in_store: Path, tmp_path: Path
+) -> None:
+    """Three shards of two logs are run into S3 and merged there, while every third request is told to slow down."""
+    logs = sorted(str(path) for path in run_in_store.glob("*.mcap"))
+    with served(ThrottlingStore, bucket) as environment:
+        for k in (1, 2, 3):
+            out = f"s3://runs/busy/{k}"
+            done = call_cwcli(environment, tmp_path, "run", *logs, "--shard", f"{k}/3", "-d", out, "-q")
+            assert done.returncode == 0, done.stderr
+        shards = [f"s3://runs/busy/{k}" for k in (1, 2, 3)]
+        done = call_cwcli(environment, tmp_path, "merge", *shards, "-d", "s3://runs/busy/whole", "-q")
+        assert done.returncode == 0, done.stderr
+    assert ThrottlingStore.n_requests > 30
+    script = "import fsspec; fsspec.filesystem('s3').get('runs/busy/whole/', 'copy/', recursive=True)"
+    subprocess.run([sys.executable, "-c", script], check=True, env={**os.environ, **bucket}, cwd=tmp_path, timeout=600)
+    assert tree(tmp_path / "copy") == tree(run_in_store / "out")
+
+
+def test_a_store_that_throttles_without_end_is_one_line(
+    bucket: dict[str, str], run_in_store: Path, tmp_path: Path
+) -> None:
+    log = str(run_in_store / "straight.mcap")
+    always = type("Always", (ThrottlingStore,), {"is_throttled": staticmethod(lambda number: True)})
+    with served(always, bucket) as environment:
+        done = call_cwcli(environment, tmp_path, "run", log, "-d", "s3://runs/never", "-q")
+    assert done.returncode == 6, done.stderr
+    assert "s3://runs/never: it can't be read: the server can't answer now" in " ".join(done.stderr.split())
