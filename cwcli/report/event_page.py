@@ -1,4 +1,4 @@
-"""The page of found events: a card for each one, with its map, its speeds and distance over time, a frame, its clip."""
+"""The page of found events: a card for each, with its map, speeds, distance and TTC over time, a frame, its clip."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from cwcli.events.evidence import EventEvidence
 from cwcli.events.search import FoundEvent
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
+from cwcli.measures import MEASURES
 from cwcli.pipeline.records import read_run_records
 from cwcli.report.drawing import EGO_COLOUR, WARNING_COLOUR
 from cwcli.report.frames import Thumbnail, make_thumbnails_and_explain_gaps
@@ -33,6 +34,9 @@ MAX_EVENT_CARDS = 300
 MAX_POINTS_PER_LINE = 150
 """Greatest number of points of a line; chosen by hand, a line is 300 pixels wide."""
 
+MAX_DRAWN_TTC_S = 10.0
+"""Greatest time to collision that is drawn, s; chosen by hand: above, nobody has to act yet."""
+
 
 @dataclass(frozen=True)
 class _Scene:
@@ -43,6 +47,7 @@ class _Scene:
         is_inside: Whether the event lasts, (n,).
         ego, other: x, y [m] and speed [m/s] in the map, (n, 3); `other` is None for events of the ego alone.
         distance_m: Between both centres, (n,); None without another vehicle.
+        ttc_s: Time to collision, (n,), NaN above `MAX_DRAWN_TTC_S`; None without another vehicle.
     """
 
     time_s: FloatArray
@@ -50,6 +55,7 @@ class _Scene:
     ego: FloatArray
     other: FloatArray | None
     distance_m: FloatArray | None
+    ttc_s: FloatArray | None
 
 
 def build_event_page(
@@ -181,9 +187,12 @@ def _read_scene(evidence: EventEvidence, event: FoundEvent, margin_s: float) -> 
     is_inside = (stamp_ns[rows] >= moment.start_ns) & (stamp_ns[rows] <= moment.end_ns)
     names = [each for each in moment.actors[1:] if each in evidence.tracks.others]
     if not names:
-        return _Scene(time_s, is_inside, evidence.ego_state[rows, :3], None, None)
+        return _Scene(time_s, is_inside, evidence.ego_state[rows, :3], None, None, None)
     pair = evidence.pair_with_ego(names[0])
-    return _Scene(time_s, is_inside, evidence.ego_state[rows, :3], pair.other_states[rows, :3], pair.distance_m[rows])
+    ttc_s = np.asarray(pair.evaluate_measure(MEASURES["ttc"]))[rows]
+    ttc_s = np.where(ttc_s <= MAX_DRAWN_TTC_S, ttc_s, np.nan)
+    motion = evidence.ego_state[rows, :3], pair.other_states[rows, :3], pair.distance_m[rows]
+    return _Scene(time_s, is_inside, *motion, ttc_s)
 
 
 def _map_and_strips_html(scene: _Scene) -> str:
@@ -197,4 +206,6 @@ def _map_and_strips_html(scene: _Scene) -> str:
     strips = strip_svg(axis, "speed [m/s]", [(states[:, 2], colour) for states, colour in actors])
     if scene.distance_m is not None:
         strips += "<br/>" + strip_svg(axis, "distance of the centres [m]", [(scene.distance_m, "#333333")])
+    if scene.ttc_s is not None and np.isfinite(scene.ttc_s).any():
+        strips += "<br/>" + strip_svg(axis, "time to collision (TTC) [s]", [(scene.ttc_s, "#333333")])
     return f"{map_svg(tracks, map_label)}<div>{strips}</div>"

@@ -157,6 +157,18 @@ def test_page_has_a_card_with_figures_and_its_clip_for_each_event(
     assert "<script" not in page.read_text()
 
 
+def test_a_card_of_two_vehicles_that_close_in_shows_the_time_to_collision(folder: Path, tmp_path: Path) -> None:
+    """The strip spans from 0 s to what is below 10 s; the planted gap closes to a time to contact below 1.5 s."""
+    log, page = write_drive(planted_drive("near-miss", 3), tmp_path / "log.mcap", 3), tmp_path / "page.html"
+    assert run_command_line(["find", str(log), "near-miss", "--report", str(page), "-q"]) == EXIT_DONE
+    drawn = re.findall(r"<svg(.*?)</svg>", page.read_text())
+    (strip,) = [each for each in drawn if "time to collision (TTC) [s]" in each]
+    greatest, least = (float(each) for each in re.findall(r'text-anchor="end">([\d.]+)<', strip)[:2])
+    assert least == 0.0 and 1.5 < greatest <= 10.0
+    assert run_command_line(["find", str(folder / "stop-and-go.mcap"), "stop-and-go", "--report", str(page), "-f"]) == 0
+    assert "TTC" not in page.read_text()
+
+
 def test_page_of_names_that_are_html_and_of_logs_without_states(folder: Path, tmp_path: Path) -> None:
     evil = tmp_path / "<b>&.mcap"
     evil.write_bytes((folder / "raw.mcap").read_bytes())
