@@ -18,6 +18,8 @@ MAX_TIME_BETWEEN_STOPS_S = 60.0
 """Stops that are farther apart do not belong together, s. Chosen by hand."""
 MAX_SPEED_BETWEEN_STOPS_MPS = 12.0
 """Faster driving between two stops is a road with traffic lights, m/s. Chosen by hand: about 43 km/h."""
+MIN_SPEED_BETWEEN_STOPS_MPS = 1.5
+"""Slower motion between two stops is a standing car's noise, or its creeping, m/s. Chosen by hand: walking pace."""
 MIN_STOPS_OF_STOP_AND_GO = 2
 """Least number of stops."""
 
@@ -32,9 +34,12 @@ def find_stop_and_go(evidence: EventEvidence) -> Iterator[Moment]:
     groups = [group]
     for stop in stops:
         if group:
-            between = slice(group[-1][1], stop[0] + 1)
+            top_mps = speed_mps[group[-1][1] : stop[0] + 1].max()
+            if top_mps < MIN_SPEED_BETWEEN_STOPS_MPS:  # it is one stop
+                group[-1] = group[-1][0], stop[1]
+                continue
             apart_s = (stamp_ns[stop[0]] - stamp_ns[group[-1][1]]) / NS_PER_S
-            if apart_s > MAX_TIME_BETWEEN_STOPS_S or speed_mps[between].max() > MAX_SPEED_BETWEEN_STOPS_MPS:
+            if apart_s > MAX_TIME_BETWEEN_STOPS_S or top_mps > MAX_SPEED_BETWEEN_STOPS_MPS:
                 group = []
                 groups.append(group)
         group.append(stop)
@@ -50,7 +55,7 @@ EVENT = EventKind(
     value_name="stops",
     threshold=(
         f"{MIN_STOPS_OF_STOP_AND_GO} stops within {MAX_TIME_BETWEEN_STOPS_S:g} s, "
-        f"slower than {MAX_SPEED_BETWEEN_STOPS_MPS:g} m/s between"
+        f"a peak of {MIN_SPEED_BETWEEN_STOPS_MPS:g} to {MAX_SPEED_BETWEEN_STOPS_MPS:g} m/s between"
     ),
     source="chosen",
     needs="states",

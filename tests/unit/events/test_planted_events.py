@@ -19,7 +19,7 @@ from cwcli.logs.read.columns import load_columns
 from cwcli.logs.read.message_reader import MessageReader
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Columns
-from tests.laws.planted_drives import PLANTS, planted_drive, quiet_drive, write_drive
+from tests.laws.planted_drives import PLANTS, RATE_HZ, planted_drive, quiet_drive, smooth_step, write_drive
 
 ATOL_S = 0.3
 """Largest error of a start or an end, s."""
@@ -80,6 +80,16 @@ def test_quiet_drive_holds_nothing(tmp_path: Path) -> None:
     for seed in (1, 2):
         path = write_drive(quiet_drive(np.random.default_rng(seed), 120.0), tmp_path / f"{seed}.mcap", seed)
         assert found_in(path, "all") == ()
+
+
+@pytest.mark.parametrize(("top_mps", "n_events"), [(1.0, 0), (2.0, 1)])
+def test_a_standing_car_with_a_noisy_speed_does_not_stop_and_go(tmp_path: Path, top_mps: float, n_events: int) -> None:
+    """It stands for 60 s but for two humps of its speed, of 2 s each."""
+    drive = planted_drive("stop-and-go", seed=3)
+    t = drive.time_s
+    humps = [smooth_step(t - at_s) - smooth_step(t - at_s - 1.0) for at_s in (20.0, 30.0)]
+    drive.ego = (np.cumsum(top_mps * np.sum(humps, axis=0)) / RATE_HZ, np.zeros(len(t)))
+    assert len(found_in(write_drive(drive, tmp_path / "drive.mcap"), "stop-and-go")) == n_events
 
 
 def test_clip_holds_the_event_with_its_id(tmp_path: Path) -> None:
