@@ -5,8 +5,9 @@ from __future__ import annotations
 import gc
 import os
 from collections import Counter
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -70,11 +71,12 @@ def may_be_wanted(config: pytest.Config, path: Path) -> bool:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect what this run does not want, or can't run."""
-    wanted = [item for item in items if is_wanted(config, item)]
-    others = [item for item in items if not is_wanted(config, item)]
-    if others:
-        config.hook.pytest_deselected(items=others)
-        items[:] = wanted
+    split: dict[bool, list[pytest.Item]] = {True: [], False: []}
+    for item in items:
+        split[is_wanted(config, item)].append(item)
+    if split[False]:
+        config.hook.pytest_deselected(items=split[False])
+        items[:] = split[True]
 
 
 @pytest.hookimpl(wrapper=True)
@@ -87,6 +89,14 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.collect()
         gc.freeze()
         gc.enable()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each worker a run of whole files, so that what a file's tests share is made once, not in every worker."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log) if config.getoption("dist") == "load" else None
 
 
 def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
@@ -121,6 +131,12 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     if report.when == "teardown":
         report.user_properties.append((CPU, processor_seconds() - item.stash[BEGIN_S]))
     return report
+
+
+@pytest.fixture
+def tries(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
+    """Returns the first of two numbers of tries, and with `--long` the second."""
+    return lambda few, many: many if request.config.getoption("--long") else few
 
 
 def processor_seconds() -> float:

@@ -241,11 +241,23 @@ def outputs(folder: Path) -> Files:
 
 
 @cache
+def sample_inputs() -> Inputs:
+    """Inputs that need no command."""
+    one, two = ((SAMPLES / f"{name}.mcap").read_bytes() for name in ("intersection", "rear-end"))
+    compressed = zstandard.compress(one), zstandard.compress(two)
+    return {"log.mcap": (one, two), "other.mcap": (two, two), "log.mcap.zst": compressed}
+
+
+def inputs_of(command: tuple[str, ...]) -> Inputs:
+    """Inputs among which are those of a command."""
+    files = {word for word in command[1:] if Path(word).suffix and not word.startswith("out/")}
+    return sample_inputs() if command[1] in sample_inputs() and files <= sample_inputs().keys() else inputs()
+
+
+@cache
 def inputs() -> Inputs:
     """Inputs of every kind."""
-    one, two = ((SAMPLES / f"{name}.mcap").read_bytes() for name in ("intersection", "rear-end"))
-    found = {"log.mcap": (one, two), "other.mcap": (two, two)}
-    found["log.mcap.zst"] = zstandard.compress(one), zstandard.compress(two)
+    found = dict(sample_inputs())
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         annotated = []
@@ -337,7 +349,7 @@ def empty(folder: Path, command: tuple[str, ...], k: int = 0) -> None:
         shutil.rmtree(folder / name, ignore_errors=True)
         (folder / name).mkdir()
     shutil.rmtree(folder / "shards", ignore_errors=True)
-    for name, contents in inputs().items():
+    for name, contents in inputs_of(command).items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(contents[k if name == changed_file(command) else 0])
     (folder / "cwcli.toml").write_bytes(b"")  # no other one, of a folder above, counts
@@ -443,7 +455,7 @@ def mount_disk(folder: Path, n_bytes: int) -> bool:
 def change(folder: Path, command: tuple[str, ...], known: Reference, rng: np.random.Generator) -> str:
     """The log is replaced by another one, overwritten with it, or cut."""
     path, other = folder / changed_file(command), folder / "changed"
-    changed = inputs()[changed_file(command)][1]
+    changed = inputs_of(command)[changed_file(command)][1]
     other.write_bytes(changed)
     process = start(folder, command)
     time.sleep(float(rng.uniform(0, 1.05 * known.took_s)))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from cwcli.stages import STAGES
+from tests.cli.warm_process import WarmProcess
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -35,9 +36,19 @@ def with_details(*arguments: str | Path) -> tuple[str | Path, ...]:
     return (arguments[0], "--details", *arguments[1:])
 
 
+@pytest.fixture(scope="session")
+def warm_process() -> Iterator[WarmProcess]:
+    """What the commands of all tests are forked from."""
+    process = WarmProcess()
+    yield process
+    process.close()
+
+
 @pytest.fixture
-def cwcli(tmp_path: Path) -> Run:
+def cwcli(tmp_path: Path, warm_process: WarmProcess) -> Run:
     """Runs `cwcli` as a process of its own, in an empty folder, without a terminal.
+
+    It is forked from one that has imported everything, where nothing but its streams and variables are asked for.
 
     A command that runs stages prints its tables below the digest, because most tests look for them; `details=False`
     leaves them out, as a user gets it.
@@ -47,6 +58,8 @@ def cwcli(tmp_path: Path) -> Run:
         arguments = with_details(*arguments) if details else arguments
         environment = {key: value for key, value in os.environ.items() if not key.startswith("CWCLI_")}
         environment |= {"PYTHONPATH": str(ROOT), **settings.pop("env", {})}
+        if warm_process.serves(environment, settings):
+            return warm_process.run([*map(str, arguments)], tmp_path, environment, TIMEOUT_S, **settings)
         return subprocess.run(
             [sys.executable, "-m", "cwcli", *map(str, arguments)],
             capture_output="stdout" not in settings,

@@ -22,6 +22,7 @@ from cwcli.signals.clocks import CLOCK_JUMP_REASON, INVALID_LOG_TIME_REASON, NO_
 from tests.cli.bounded import LAUNCHER, LIMIT_BYTES
 from tests.cli.conftest import ROOT, SAMPLES, Run
 from tests.cli.rewritten_logs import Logged, read, write
+from tests.sampled import diagonal
 from tests.work import HANG_S
 
 NS_PER_S = 1_000_000_000
@@ -162,9 +163,20 @@ CHANNELS = [
     *((SAMPLES / f"{name}.mcap", topic) for name in ("straight", "curve") for topic in (*SENSORS, "/truth/ego")),
     *((KITTI, topic) for topic in ("/gps/fix", "/imu/data", "/truth/pose_imu")),
 ]
+"""Each channel of one log and one of each other log in every run, the others with `--long`."""
 
 
-@pytest.mark.parametrize(("log", "topic"), CHANNELS, ids=[f"{log.stem[:12]}-{topic}" for log, topic in CHANNELS])
+@pytest.mark.parametrize(
+    ("log", "topic"),
+    [
+        pytest.param(
+            *each,
+            marks=() if each[0].stem == "intersection" or each[1] == "/imu/data" else pytest.mark.long,
+            id=f"{each[0].stem[:12]}-{each[1]}",
+        )
+        for each in CHANNELS
+    ],
+)
 def test_message_logged_at_one_nanosecond_is_left_out(clean_of: CleanOf, tmp_path: Path, log: Path, topic: str) -> None:
     if not log.exists():
         pytest.skip(f"the development log {log.name} is not in ../shared/logs")
@@ -173,8 +185,7 @@ def test_message_logged_at_one_nanosecond_is_left_out(clean_of: CleanOf, tmp_pat
     check(estimate(tmp_path / "in.mcap", *options_of(log)), clean, topic, STRAY_LOG_TIME_REASON)
 
 
-@pytest.mark.parametrize("fault", list(FAULTS))
-@pytest.mark.parametrize("topic", SENSORS)
+@pytest.mark.parametrize(("topic", "fault"), diagonal(SENSORS, FAULTS))
 def test_message_with_an_absurd_time_leaves_the_estimate_as_it_was(
     clean_of: CleanOf, tmp_path: Path, topic: str, fault: str
 ) -> None:
@@ -239,8 +250,7 @@ def lateral_error_m(log: Path) -> tuple[float, dict[str, dict[str, int]]]:
 CAMERAS = ("/camera/calibration", "/tf", "/vehicle/velocity", "/imu/data", "/truth/lateral")
 
 
-@pytest.mark.parametrize("time_ns", [1, 1 << 63, (1 << 64) - 1])
-@pytest.mark.parametrize("topic", CAMERAS)
+@pytest.mark.parametrize(("topic", "time_ns"), diagonal(CAMERAS, [1, 1 << 63, (1 << 64) - 1]))
 def test_message_beside_a_camera_that_was_logged_at_no_time(
     road: tuple[list[Logged], float], tmp_path: Path, topic: str, time_ns: int
 ) -> None:

@@ -76,11 +76,10 @@ def test_a_million_metadata_records_are_listed_at_once(tmp_path: Path, data: obj
 
 def test_a_million_channel_records_are_told_at_once(tmp_path: Path) -> None:
     (tmp_path / "in.mcap").write_bytes(channel_records() + END)
-    for command in ("info", "estimate"):
-        for options in ([], ["--recover"]):
-            ended = bounded(tmp_path, command, "in.mcap", *options, most_mb=200, most_calls=CALLS_OF_CHANNELS)
-            assert ended.code == 3
-            assert "it holds more than 65,536 schemas, channels, attachments and parts with metadata" in ended.shown
+    for words in (("info",), ("estimate", "--recover")):  # the others read alike
+        ended = bounded(tmp_path, *words, "in.mcap", most_mb=200, most_calls=CALLS_OF_CHANNELS)
+        assert ended.code == 3
+        assert "it holds more than 65,536 schemas, channels, attachments and parts with metadata" in ended.shown
 
 
 def test_more_metadata_than_memory_should_hold(tmp_path: Path) -> None:

@@ -9,10 +9,12 @@ import pytest
 from tools.channel_reference import parse
 from tools.reference import pages
 
+PAGES = pages()
 
-@pytest.mark.parametrize("path", list(pages()), ids=lambda path: path.name)
+
+@pytest.mark.parametrize("path", list(PAGES), ids=lambda path: path.name)
 def test_page_is_up_to_date(path: Path) -> None:
-    assert path.read_text(encoding="utf-8") == pages()[path], "run `python -m tools.reference`"
+    assert path.read_text(encoding="utf-8") == PAGES[path], "run `python -m tools.reference`"
 
 
 def test_parse_reads_comments_of_messages_fields_and_enums() -> None:

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tests.cli.conftest import cwcli, intersection, predicted
+from tests.cli.conftest import cwcli, intersection, predicted, warm_process
 
-__all__ = ["cwcli", "intersection", "predicted"]
+__all__ = ["cwcli", "intersection", "predicted", "warm_process"]

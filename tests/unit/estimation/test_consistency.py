@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from cwcli.estimation.consistency import (
     compare_errors_with_truth,
@@ -14,11 +13,19 @@ from cwcli.estimation.consistency import (
 )
 
 
+def autoregression(coefficient: float, white: np.ndarray) -> np.ndarray:
+    """First order: each value is the coefficient times the one before it, and the noise."""
+    values = white.copy()
+    for k in range(1, len(values)):
+        values[k] += coefficient * values[k - 1]
+    return values
+
+
 def test_effective_count_of_a_correlated_series() -> None:
     """First-order autoregression with coefficient c is worth n (1 - c) / (1 + c)."""
     white = np.random.default_rng(1).standard_normal(20_000)
     assert effective_sample_count(white) == pytest.approx(20_000, rel=0.05)
-    assert effective_sample_count(lfilter([1], [1, -0.8], white)) == pytest.approx(20_000 * 0.2 / 1.8, rel=0.15)
+    assert effective_sample_count(autoregression(0.8, white)) == pytest.approx(20_000 * 0.2 / 1.8, rel=0.15)
 
 
 def test_effective_count_of_squared_errors() -> None:
@@ -26,7 +33,7 @@ def test_effective_count_of_squared_errors() -> None:
     white = np.random.default_rng(1).standard_normal((20_000, 2))
     unit = np.broadcast_to(np.eye(2), (20_000, 2, 2))
     assert effective_count_of_squared_errors(white, unit) == pytest.approx(20_000, rel=0.05)
-    lasting = lfilter([1], [1, -0.95], white, axis=0) * [3.0, 0.2]  # the covariance is that of the errors
+    lasting = autoregression(0.95, white) * [3.0, 0.2]  # the covariance is that of the errors
     covariance = unit * np.array([9.0, 0.04]) / (1.0 - 0.95**2)
     expected = 20_000 * (1 - 0.95**2) / (1 + 0.95**2)
     assert effective_count_of_squared_errors(lasting, covariance) == pytest.approx(expected, rel=0.25)

@@ -97,7 +97,13 @@ def drifting(late_s) -> tuple[Track, Track, np.ndarray]:
         pytest.param(lambda t: 0.2 * t / DURATION_S, 0.2 / DURATION_S, 0.2, id="from 0 to 200 ms"),
         # The least squares' line through a step of 0.2 s grows by 1.5 times 0.2 s over the drive, and leaves 50 of the
         # 141 ms (root mean squares); the filter that trusts the stamps believes the fixes less, and errs less.
-        pytest.param(lambda t: np.where(t > DURATION_S / 2, 0.2, 0.0), 1.5 * 0.2 / DURATION_S, 0.6, id="a step"),
+        pytest.param(
+            lambda t: np.where(t > DURATION_S / 2, 0.2, 0.0),
+            1.5 * 0.2 / DURATION_S,
+            0.6,
+            id="a step",
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_a_latency_that_drifts_is_corrected_along_a_line(late_s, rate: float, left: float) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter
 
 from cwcli.signals.bsm_sender import (
     ACCEL_FILTER_DELAY_S,
@@ -18,6 +17,8 @@ from tests.studies.bsm_senders import compared
 
 
 def test_it_is_the_butterworth_filter() -> None:
+    from scipy.signal import butter, lfilter  # which takes a second to import
+
     values = np.cumsum(np.random.default_rng(1).normal(size=3000))
     values -= values[0]
     b, a = butter(2, 1.0, fs=1.0 / ACCEL_FILTER_STEP_S)
