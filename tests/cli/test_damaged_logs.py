@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +15,7 @@ import pytest
 from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_DONE, EXIT_OUTPUT
 from tests.cli.bounded import LIMIT_BYTES, MOST_MB
 from tests.cli.conftest import ROOT, SAMPLES
+from tests.cli.warm_process import WarmProcess
 from tests.work import HANG_S
 
 DAMAGED = sorted((ROOT.parent / "shared" / "damaged").glob("*.mcap"))
@@ -78,29 +77,25 @@ sys.__stdout__.write(json.dumps([peak_mb, ended]))
 """All commands in one process, which imports the libraries once; it dies of a hang or of too much memory."""
 
 
-def run_all(folder: Path, commands: list[list[str]]) -> tuple[float, list[Any]]:
+def run_all(warm: WarmProcess, folder: Path, commands: list[list[str]]) -> tuple[float, list[Any]]:
     """The most memory in MB, and of each command the exit code, all words, and the names of what it left."""
     (folder / "tmp").mkdir()
-    done = subprocess.run(
-        [sys.executable, "-c", RUN_ALL, str(LIMIT_BYTES), str(round(HANG_S)), str(folder), json.dumps(commands)],
-        capture_output=True,
-        check=False,
-        cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": str(folder / "tmp")},
-    )
+    words = [str(LIMIT_BYTES), str(round(HANG_S)), str(folder), json.dumps(commands)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "TMPDIR": str(folder / "tmp")}
+    done = warm.run(words, ROOT, environment, 2.0 * HANG_S, RUN_ALL)
     assert done.returncode == 0, (done.returncode, done.stderr.decode()[-2000:])
     peak_mb, ended = json.loads(done.stdout)
     return peak_mb, ended
 
 
-def check_all(folder: Path, log: Path) -> None:
+def check_all(warm: WarmProcess, folder: Path, log: Path) -> None:
     """Run every command on a log.
 
     Raises:
         AssertionError: One ended with a bug, left a file though it failed, or took too much memory.
     """
     names = {"LOG": str(log), "GOOD": str(SAMPLES / "straight.mcap")}
-    peak_mb, ended = run_all(folder, [[names.get(word, word) for word in command] for command in COMMANDS])
+    peak_mb, ended = run_all(warm, folder, [[names.get(word, word) for word in command] for command in COMMANDS])
     for command, (code, said, left, temporary) in zip(COMMANDS, ended, strict=True):
         told = f"{' '.join(command)}: {code}, left {left}\n{said}"
         assert code in EXIT_CODES and code not in (EXIT_BUG, EXIT_OUTPUT), told
@@ -111,11 +106,11 @@ def check_all(folder: Path, log: Path) -> None:
 
 
 @pytest.mark.parametrize("log", DAMAGED, ids=lambda path: path.stem)
-def test_every_command_survives_a_damaged_log(tmp_path: Path, log: Path) -> None:
-    check_all(tmp_path, log)
+def test_every_command_survives_a_damaged_log(warm_process: WarmProcess, tmp_path: Path, log: Path) -> None:
+    check_all(warm_process, tmp_path, log)
 
 
-def test_every_command_survives_half_a_log(tmp_path: Path) -> None:
+def test_every_command_survives_half_a_log(warm_process: WarmProcess, tmp_path: Path) -> None:
     half = tmp_path / "half.mcap"
     half.write_bytes((SAMPLES / "intersection.mcap").read_bytes()[:40_000])
-    check_all(tmp_path, half)
+    check_all(warm_process, tmp_path, half)

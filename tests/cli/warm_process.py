@@ -59,14 +59,20 @@ class WarmProcess:
         return same and environment.get("PYTHONPATH") == str(ROOT) and not settings.keys() - {"input", "stdin"}
 
     def run(
-        self, arguments: list[str], folder: Path, environment: dict[str, str], timeout_s: float, **streams: Any
+        self,
+        arguments: list[str],
+        folder: Path,
+        environment: dict[str, str],
+        timeout_s: float,
+        source: str = "from cwcli.cli.main import main; main()",
+        **streams: Any,
     ) -> subprocess.CompletedProcess[bytes]:
-        """Run a command; its output is caught, and `input` or `stdin` is as for `subprocess.run`."""
+        """Run a command, or other code; its output is caught, and `input` or `stdin` is as for `subprocess.run`."""
         given: bytes | None = streams.get("input")
         reads, writes = zip(*(os.pipe() for _ in range(3)), strict=True)
         stdin = streams.get("stdin")
         fds = (reads[0] if given is not None else 0 if stdin is None else stdin.fileno(), *writes[1:])
-        request = pickle.dumps((arguments, str(folder), environment))
+        request = pickle.dumps((source, arguments, str(folder), environment))
         socket.send_fds(self._channel, [LENGTH.pack(len(request))], fds)
         self._channel.sendall(request)
         for fd in (reads[0], *writes[1:]):
@@ -97,8 +103,8 @@ def _catch(fd: int, caught: list[bytes], k: int) -> None:
         caught[k] = stream.read()
 
 
-def serve(channel: socket.socket, *also: str) -> None:
-    """Fork for each request until the tests are gone; returns in a child, which is the command then."""
+def serve(channel: socket.socket, *also: str) -> str:
+    """Fork for each request until the tests are gone; returns in a child, with the code that it is to run."""
     _import_everything(also)
     while head := socket.recv_fds(channel, LENGTH.size, 3):
         data, fds = head[0], head[1]
@@ -108,12 +114,13 @@ def serve(channel: socket.socket, *also: str) -> None:
         child = os.fork()
         if not child:
             channel.close()
-            arguments, folder, environment = pickle.loads(request)
+            source, arguments, folder, environment = pickle.loads(request)
             _become(arguments, folder, environment, fds)
-            return
+            return str(source)
         for fd in fds:
             os.close(fd)
         channel.sendall(LENGTH.pack(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])))
+    sys.exit()
 
 
 def _import_everything(also: tuple[str, ...]) -> None:
@@ -150,12 +157,11 @@ def _become(arguments: list[str], folder: str, environment: dict[str, str], fds:
         setattr(sys, f"__{name}__", new)
 
 
-def end_as_python_does() -> None:
-    """Run the command, and end without taking every module apart, which takes as long as a start."""
-    from cwcli.cli.main import main
-
+def run_and_end(source: str) -> None:
+    """Run code, and end without taking every module apart, which takes as long as a start."""
+    code: Any = 0
     try:
-        main()
+        exec(source, {"__name__": "__main__"})
     except SystemExit as left:
         code = left.code
     except BaseException:
@@ -172,5 +178,4 @@ def end_as_python_does() -> None:
 
 
 if __name__ == "__main__":
-    serve(socket.socket(fileno=int(sys.argv[1])), *sys.argv[2:])
-    end_as_python_does()
+    run_and_end(serve(socket.socket(fileno=int(sys.argv[1])), *sys.argv[2:]))

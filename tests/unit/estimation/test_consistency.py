@@ -39,6 +39,19 @@ def test_effective_count_of_squared_errors() -> None:
     assert effective_count_of_squared_errors(lasting, covariance) == pytest.approx(expected, rel=0.25)
 
 
+def test_effective_counts_of_four_values_by_hand() -> None:
+    """Two and two: a quarter at a lag of one, less than nothing at two; the squares have a sixteenth."""
+    values = np.array([0.1, 0.1, -0.1, -0.1])
+    assert effective_sample_count(values) == pytest.approx(4.0 / 1.5)
+    squares = effective_count_of_squared_errors(values[:, None], np.full((4, 1, 1), 0.01))
+    assert squares == pytest.approx(4.0 / 1.125)
+
+
+def test_what_was_not_estimated_has_no_error_row() -> None:
+    both = {"speed": np.zeros(2), "heading": np.zeros(2)}
+    assert [row.name for row in compare_errors_with_truth(both, both, {"speed": np.ones(2)})] == ["speed"]
+
+
 def test_an_error_that_never_changes_is_about_one_error() -> None:
     error = np.full((1000, 1), 0.6)
     assert effective_count_of_squared_errors(error, np.ones((1000, 1, 1))) == pytest.approx(1.5, rel=0.01)
