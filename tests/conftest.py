@@ -62,10 +62,8 @@ def may_be_wanted(config: pytest.Config, path: Path) -> bool:
     """Whether the options may ask for a test of a file, as far as its path and its markers' names tell."""
     if is_named(config, path):
         return True
-    if config.getoption("--rest"):
-        text = path.read_text(encoding="utf-8")
-        is_marked = "mark.peer" in text or (bool(config.getoption("--long")) and "mark.long" in text)
-        return is_marked or is_long(path) or needs_more(path)
+    if config.getoption("--rest") and not config.getoption("--long"):
+        return "mark.peer" in path.read_text(encoding="utf-8") or is_long(path) or needs_more(path)
     return bool(config.getoption("--long")) or not is_long(path)
 
 
@@ -107,7 +105,8 @@ def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
     is_marked_long, wants_all = item.get_closest_marker("long") is not None, bool(config.getoption("--long"))
     if config.getoption("--rest"):
         is_rest = is_long(item.path) or marker is not None or needs_more(item.path)
-        return wants_all if is_marked_long else is_rest
+        tries_more = wants_all and "tries" in getattr(item, "fixturenames", ())
+        return wants_all if is_marked_long else is_rest or tries_more
     return wants_all or not (is_marked_long or is_long(item.path)) or is_named(config, item.path)
 
 

@@ -103,16 +103,18 @@ def test_peer_that_is_missing(): pass
 def test_peer(): pass
 
 def test_plain(): pass
+
+def test_random(tries): assert tries(1, 2) == 1
 """
 
 
 @pytest.mark.parametrize(
     ("options", "collected"),
     [
-        ([], {"test_peer", "test_plain"}),
-        (["--long"], {"test_long", "test_peer", "test_plain"}),
+        ([], {"test_peer", "test_plain", "test_random"}),
+        (["--long"], {"test_long", "test_peer", "test_plain", "test_random"}),
         (["--rest"], {"test_peer"}),
-        (["--rest", "--long"], {"test_long", "test_peer"}),
+        (["--rest", "--long"], {"test_long", "test_peer", "test_random"}),
     ],
     ids=["default", "long", "rest", "rest-long"],
 )
