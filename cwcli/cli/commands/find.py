@@ -16,7 +16,7 @@ from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
 from cwcli.cli.tables import format_table
 from cwcli.cli.targets import check_file_suffix, check_outputs_and_list_file_names
-from cwcli.cli.text import format_count, join_names, shorten_and_escape
+from cwcli.cli.text import format_count, join_names, shorten_and_escape, terminal_width
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import format_first_names, map_to_distinct_endings
@@ -33,6 +33,9 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 MAX_SHOWN_EVENTS = 50
 """Largest number of events that the terminal shows; chosen by hand, the others are in the table and in --json."""
+MIN_COLUMNS_OF_ONE_TABLE = 130
+"""From this width of the terminal on, severity and id of an event stand in the line that says what happened; chosen by
+hand, so that the sentence keeps half a line."""
 MAX_CLIP_MARGIN_S = 3600.0
 """Largest `--margin`, s; chosen by hand."""
 
@@ -211,7 +214,11 @@ def _print_search(console: Console, search: FleetSearch, listed: tuple[FoundEven
             "severity (1: at threshold)",
             "event id",
         )
-        console.print_summary(format_table(head, rows))
+        if (terminal_width() or 0) >= MIN_COLUMNS_OF_ONE_TABLE:
+            console.print_summary(format_table(head, rows))
+        else:
+            console.print_summary(format_table(head[:6], [row[:6] for row in rows]) + "\n")
+            console.print_summary(format_table(head[:3] + head[6:], [row[:3] + row[6:] for row in rows]))
     if len(listed) > MAX_SHOWN_EVENTS:
         console.print_note(f"{len(listed) - MAX_SHOWN_EVENTS} more events are in -o and --json")
     for n, events in _events_by_number_of_logs_that_lack_channels(search.missing).items():
