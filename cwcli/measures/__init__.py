@@ -53,7 +53,7 @@ MEASURES: Registry[Measure] = Registry(
         "stn": "cwcli.measures.required_acceleration:STN",
         "dst": "cwcli.measures.deceleration:DST",
         "msd": "cwcli.measures.stopping_distance:MSD",
-        "psd": "cwcli.measures.stopping_distance:PSD",
+        "contact-psd": "cwcli.measures.stopping_distance:CONTACT_PSD",
         "picud": "cwcli.measures.stopping_distance:PICUD",
         "crash-index": "cwcli.measures.severity:CRASH_INDEX",
         "delta-v": "cwcli.measures.severity:DELTA_V",

@@ -32,22 +32,22 @@ MSD = Measure(
 )
 
 
-def proportion_of_stopping_distance(pair: Pair) -> RatiosAtStamps:
-    """Proportion of stopping distance at each stamp, (n,); NaN off a collision course or at standstill."""
+def way_to_contact_per_stopping_distance(pair: Pair) -> RatiosAtStamps:
+    """Way to contact over stopping distance at each stamp, (n,); NaN off a collision course or at standstill."""
     way_m = pair.evaluate_measure(TTC)[pair.near_rows] * np.abs(pair.other_in_host_axes.host_speed_mps)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = way_m / pair.evaluate_measure(MSD)[pair.near_rows]
     return pair.expand_to_all_rows(np.where(np.isfinite(share), share, np.nan))
 
 
-PSD = Measure(
+CONTACT_PSD = Measure(
     summary="way to contact over the distance in which the host can stop",
-    symbol="PSD",
-    column="psd",
+    symbol="PSD_c",
+    column="contact_psd",
     critical="low",
     formula="|v_e| TTC / MSD",
-    source="Allen, Shin and Cooper 1978",
-    compute=proportion_of_stopping_distance,
+    source="the proportion of stopping distance of Allen, Shin and Cooper 1978, to the contact alone",
+    compute=way_to_contact_per_stopping_distance,
     is_symmetric=False,
     threshold=1.0,
     threshold_source="below 1 the host can't stop before the contact",

@@ -10,8 +10,8 @@ from tests.studies.measure_pictures import SCENARIOS, Measured, measured
 
 BEFORE_S, AFTER_S = 1.3, 0.8
 """What asks for a manoeuvre is most critical when the last one is lost, up to a second before."""
-ABOUT = ("gap", "ttc", "mttc", "ttc-star", "headway", "thw", "wttc", "ttb", "tts", "ttr", "drac", "mdrac", "psd", "msd",
-         "stn", "delta-v", "a-lat-req")  # fmt: skip
+ABOUT = ("gap", "ttc", "mttc", "ttc-star", "headway", "thw", "wttc", "ttb", "tts", "ttr", "drac", "mdrac",
+         "contact-psd", "msd", "stn", "delta-v", "a-lat-req")  # fmt: skip
 STEADY = "the host's speed is constant: the noise of its states decides"
 ELSEWHERE = {
     "cut-in": {"gap": "the two drive on", "delta-v": "the headings differ most in the lane change", "msd": STEADY},

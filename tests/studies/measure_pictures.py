@@ -22,7 +22,7 @@ from cwcli.signals.columns import FloatArray
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs" / "images"
 SCENARIOS = ("intersection", "rear-end", "cut-in", "oncoming-left-turn", "stopped-behind-curve")
-SHOWN = ("gap", "ttc", "mttc", "ttr", "thw", "drac", "mdrac", "btn", "stn", "psd", "delta-v", "cfs")
+SHOWN = ("gap", "ttc", "mttc", "ttr", "thw", "drac", "mdrac", "btn", "stn", "contact-psd", "delta-v", "cfs")
 BEFORE_S, AFTER_S = 5.0, 2.0
 LEAST_MOMENTS = 10
 """A measure that has a value for fewer has no panel."""

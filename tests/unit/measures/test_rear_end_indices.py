@@ -35,6 +35,12 @@ def test_picud_by_hand() -> None:
     assert np.isnan(value("picud", -30.0, (20.0, 0.0), (10.0, 0.0))), "it is behind"
 
 
+def test_contact_psd_by_hand() -> None:
+    # contact after 2 s, 40 m on; 20^2 / (2 11.5) m to a stand
+    assert value("contact-psd", 20.0, (20.0, 0.0), (10.0, 0.0)) == pytest.approx(40.0 / (400.0 / 23.0))
+    assert np.isnan(value("contact-psd", 20.0, (10.0, 0.0), (10.0, 0.0))), "they never touch"
+
+
 def test_inverse_ttc_by_hand() -> None:
     assert value("ittc", 20.0, (20.0, 0.0), (10.0, 0.0)) == pytest.approx(0.5)
     assert value("ittc", 20.0, (10.0, 0.0), (10.0, 0.0)) == 0.0
