@@ -1,27 +1,32 @@
 """The default lane method on labelled pictures made harder in many kinds (`varied_pictures`), each searched alone.
 
-    python -m tests.studies.lane_variants [--kinds haze bridges ...] [--keep ../before.npz] [--beside ../before.npz]
+    python -m tests.studies.lane_variants [--kinds haze bridges ...] [--known-point] [--keep FILE] [--beside FILE]
 
 40 pictures are too few to choose by, and constants were chosen in sight of them; what a change is worth shows in how
 it does on pictures that are worse. `CHOSEN_BY` were in sight when constants were chosen, `OTHERS` were not; `COPIES`
 are the same pictures compressed again or of another size, `WEATHER` is laid over them (`--seed` draws it). The log is
-that of `lane_halves`. --keep writes the scores, and --beside tells what they gain on kept ones, with 95 % of a
-bootstrap over the pictures: all kinds of one picture are drawn together.
+that of `lane_halves`. --known-point tells where the labels meet, which shows what finding that point costs. --keep
+writes the scores, and --beside tells what they gain on kept ones, with 95 % of a bootstrap over the pictures: all kinds
+of one picture are drawn together.
 """
 
 from __future__ import annotations
 
 import argparse
+from contextlib import nullcontext
 from pathlib import Path
+from unittest.mock import patch
 
 import cv2
 import numpy as np
 
 from cwcli.metrics.lane_scores import lanes_beside_ego, tusimple_score
 from cwcli.signals.columns import FloatArray
+from cwcli.vision import lane_detect
 from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFrame
+from cwcli.vision.vanishing import VanishingPoint
 from tests.studies.lane_halves import LOG, drawn, labelled, matches
 from tests.studies.varied_pictures import (
     HEIGHT_PX,
@@ -120,15 +125,18 @@ KINDS = {"as it is": CHOSEN_BY["as it is"], **CHOSEN_BY, **OTHERS, **COPIES, **W
 GROUPS = {"chosen by": CHOSEN_BY, "others": OTHERS, "copies": COPIES, "weather": WEATHER}
 
 
-def score(picture: Picture) -> list[float]:
+def score(picture: Picture, *, knows_point: bool = False) -> list[float]:
     """TuSimple's accuracy, false and missed share of the boundaries that are found; then probability and whether it is
-    right (0 or 1) of the left and of the right boundary."""
+    right (0 or 1) of the left and of the right boundary; searched from where the labels meet if that is known."""
     height, width = picture.grey.shape
     size = search_size(width, height)
     camera = default_camera(width, height, Mounting()).with_image_size(*size)
     how = cv2.INTER_AREA if size[0] <= width else cv2.INTER_LINEAR
     grey: GreyImage = np.asarray(cv2.resize(picture.grey, size, interpolation=how), np.uint8)
-    fit = LaneTracker().step(LaneFrame(grey, camera, 0, 0))
+    u, v = picture.vanishing()
+    point = VanishingPoint(u * size[0] / WIDTH_PX, v * size[1] / HEIGHT_PX, votes=1.0)
+    with patch.object(lane_detect, "find_vanishing_points", return_value=[point]) if knows_point else nullcontext():
+        fit = LaneTracker().step(LaneFrame(grey, camera, 0, 0))
     lines = drawn(fit, camera, picture.rows, HEIGHT_PX)
     truth = lanes_beside_ego(picture.lanes, picture.rows, WIDTH_PX, HEIGHT_PX)
     found = [line for line, side in zip(lines, (fit.left, fit.right), strict=True) if side.found]
@@ -139,7 +147,7 @@ def score(picture: Picture) -> list[float]:
     return [made.accuracy, made.false_positive, made.false_negative, *sides]
 
 
-def scores(kinds: dict[str, Change], seed: int) -> dict[str, FloatArray]:
+def scores(kinds: dict[str, Change], seed: int, *, knows_point: bool = False) -> dict[str, FloatArray]:
     """Shape (n, 7) of each kind: `score` of every picture."""
     pictures = [
         Picture(np.asarray(frame.image), lanes, np.asarray(rows, np.float64))
@@ -148,7 +156,7 @@ def scores(kinds: dict[str, Change], seed: int) -> dict[str, FloatArray]:
     return {
         name: np.array(
             [
-                score(change(each, np.random.default_rng([n, sum(map(ord, name)), seed])))
+                score(change(each, np.random.default_rng([n, sum(map(ord, name)), seed])), knows_point=knows_point)
                 for n, each in enumerate(pictures)
             ]
         )
@@ -185,11 +193,13 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--groups", nargs="+", choices=list(GROUPS))
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--known-point", action="store_true")
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--beside", type=Path)
     options = parser.parse_args()
     chosen = options.kinds if options.groups is None else ["as it is", *(k for g in options.groups for k in GROUPS[g])]
-    made = scores({name: change for name, change in KINDS.items() if name in chosen}, options.seed)
+    kinds = {name: change for name, change in KINDS.items() if name in chosen}
+    made = scores(kinds, options.seed, knows_point=options.known_point)
     print("accuracy / false / missed; of all boundaries: right and p >= 0.5 / wrong and so / mean p")
     print("| kind | even | odd | all | boundaries |\n|---|---|---|---|---|")
     for name, each in made.items():
