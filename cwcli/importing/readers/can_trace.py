@@ -127,7 +127,7 @@ def _build_table_of_message(
 def _pair_places_of_different_frames(tables: list[dict[str, Any]]) -> list[str]:
     """Put the longitude between its frames to the times of the latitude, where no frame holds both; return notes.
 
-    It changes nothing where several signals can be either.
+    It changes nothing where several signals can be either, or no latitude is valid.
     """
     signals = {
         quantity: [(table, name) for table in tables for name in table if quantities_of_name(name) == [quantity]]
@@ -137,12 +137,13 @@ def _pair_places_of_different_frames(tables: list[dict[str, Any]]) -> list[str]:
         return []
     (latitudes, latitude), (longitudes, longitude) = signals["latitude"][0], signals["longitude"][0]
     known, stamp_ns = np.isfinite(longitudes[longitude]), longitudes["time"]
-    if latitudes is longitudes and (known & np.isfinite(latitudes[latitude])).any():
+    has_latitude = np.isfinite(latitudes[latitude])
+    if not has_latitude.any() or (latitudes is longitudes and (known & has_latitude).any()):
         return []
     values = interpolate_signal_at_times(
         stamp_ns[known], longitudes.pop(longitude)[known], latitudes["time"], max_gap_s=MAX_GAP_BETWEEN_PLACES_S
     )
-    latitudes[longitude] = np.where(np.isfinite(latitudes[latitude]), values, np.nan)
+    latitudes[longitude] = np.where(has_latitude, values, np.nan)
     return [f"{longitude} is put to the times of {latitude}, between its own frames"]
 
 

@@ -26,6 +26,8 @@ N_START_LINES_SHOWING_LAYOUT = 200
 """Lines at the start that show the layout; chosen by hand."""
 BYTES_PARSED_AT_ONCE = 4 << 20
 """Number of bytes that Arrow parses at a time, 4 MiB. Chosen by hand."""
+MAX_COLUMNS = 20_000
+"""Greatest number of columns: each takes 5 kB while Arrow reads. Chosen by hand: bus loggers write some thousand."""
 _NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
 _VALUE = re.compile(r"^[+-]?[\d.,:/ TZeE+-]+$")
 MAX_LINES_IN_QUOTED_CELL = 10
@@ -171,7 +173,7 @@ def _layout_with_separator(separator: str, n_cells: int, numbered: Sequence[tupl
     names_line, names = rows[at]
     last = names_line
     units: dict[str, str] = {}
-    unique = unique_names(names)
+    unique = unique_names(names, where)
     if at + 1 < len(rows):
         k, cells = rows[at + 1]
         if (
@@ -240,8 +242,14 @@ def _are_cells_names(cells: Sequence[str]) -> bool:
     return len(words) > 0.5 * len(cells) and len(set(filled_cells)) > 0.5 * len(filled_cells)
 
 
-def unique_names(cells: Sequence[str]) -> tuple[str, ...]:
-    """Return each name once: empty ones get a number, repeated ones a number behind them."""
+def unique_names(cells: Sequence[str], where: str) -> tuple[str, ...]:
+    """Return each name once: empty ones get a number, repeated ones a number behind them.
+
+    Raises:
+        InputError: There are more than `MAX_COLUMNS`.
+    """
+    if len(cells) > MAX_COLUMNS:
+        raise InputError(f"it has {len(cells):,} columns, more than {MAX_COLUMNS:,}", where=where)
     seen: Counter[str] = Counter()
     names = []
     for k, cell in enumerate(cells):

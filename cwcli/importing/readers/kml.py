@@ -26,6 +26,8 @@ PRESET_BY_COLUMN = {
 """Column -> the quantity and unit that the format fixes."""
 NUMBER_PATTERN = re.compile(DECIMAL_POINT_PATTERN, re.ASCII)
 """A number of a place."""
+MAX_TIME_CHARACTERS = 100
+"""Number of characters of a time that are read; a longer text is none. Chosen by hand."""
 MAX_TRACK_POINTS = 500_000
 """Greatest number of points: 13 hours at 10 Hz, which take 3 s and 150 MB. Chosen by hand."""
 
@@ -48,7 +50,7 @@ def _read_kml_table(path: str, answers: Answers) -> Sequence[SourceTable]:
             continue
         text = (element.text or "").strip()
         if tag == "when" and is_in_track:
-            whens.append(text)
+            whens.append(text[:MAX_TIME_CHARACTERS])
         elif tag == "coord" and is_in_track:
             coordinates.append(_longitude_latitude_height(text))
         elif tag == "Track":

@@ -51,7 +51,7 @@ def _line_of_names(lines: Sequence[str]) -> tuple[int, str, list[str]] | None:
     for k, line in enumerate(lines):
         found = NAME_LINE_PATTERN.match(line)
         if found:
-            return k, found["scale"], list(unique_names(re.findall(r"\S+(?:\([^)]*\))?", found["names"])))
+            return k, found["scale"], re.findall(r"\S+(?:\([^)]*\))?", found["names"])
     return None
 
 
@@ -64,7 +64,7 @@ def _read_rtklib_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     found = None if head is None else _line_of_names(head.lines)
     if head is None or found is None:
         raise no_text_error(path)
-    at, scale, names = found
+    at, scale, names = found[0], found[1], unique_names(found[2], path)
     if not {"latitude(deg)", "longitude(deg)"} <= set(names):
         kind = "positions from the centre of the earth (ECEF)" if any("ecef" in name for name in names) else "baselines"
         raise InputError(

@@ -59,7 +59,7 @@ def _read_vbox_table(path: str, answers: Answers) -> Sequence[SourceTable]:
     if head is None:
         raise no_text_error(path)
     lines = [line.strip() for line in head.lines]
-    names = unique_names(" ".join(_lines_of_section(lines, "[column names]")[:1]).split())
+    names = unique_names(" ".join(_lines_of_section(lines, "[column names]")[:1]).split(), path)
     if "time" not in names:
         raise DataError("its columns have no time", where=path, found=names)
     layout = TextLayout(" ", names, {}, lines.index("[data]") + 1)

@@ -62,8 +62,9 @@ def ros2msg_text_of_idl(type_name: str, text: str) -> str:
         name = waiting.pop()
         if name not in text_by_name and name in parser.structs:
             lines = [f"MSG: {name.replace('::', '/')}\n"] if text_by_name else []
+            known: dict[IdlType, IdlType] = {}
             for field_name, declared in parser.structs[name]:
-                found = parser.resolve(declared, name)
+                found = known[declared] = known.get(declared) or parser.resolve(declared, name)
                 waiting.append(found.name)
                 lines.append(f"{found.name.replace('::', '/')}{found.array} {field_name}\n")
             text_by_name[name] = "".join(lines)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -136,8 +137,9 @@ SPANS = [(8.5, 11.0), (18.5, 21.0)]
 def diagnostics(at: float, up: bool) -> dict[str, Any]:
     """The FCW beside another component, in an order that changes."""
     values = [{"key": "speed", "value": "10.0"}, {"key": "ttc", "value": "1.2" if up else "inf"}]
-    fcw = {"level": 2 if up else 0, "name": "adas: fcw", "message": "", "hardware_id": "", "values": values}
-    other = {"level": 2, "name": "disk", "message": "full", "hardware_id": "", "values": []}
+    # No dictionaries: mcap-ros2-support 0.5 takes their method `values` for the field.
+    fcw = SimpleNamespace(level=2 if up else 0, name="adas: fcw", message="", hardware_id="", values=values)
+    other = SimpleNamespace(level=2, name="disk", message="full", hardware_id="", values=[])
     second = at_ns(at)
     stamp = {"sec": second // 10**9, "nanosec": second % 10**9}
     return {
@@ -163,7 +165,7 @@ def test_messages_of_other_components_change_nothing(tmp_path: Path) -> None:
 
     def message(k: int, at: float) -> dict[str, Any]:
         whole = diagnostics(at, is_up(SPANS, at))
-        whole["status"] = [each for each in whole["status"] if (each["name"] == "disk") == bool(k % 3)]
+        whole["status"] = [each for each in whole["status"] if (each.name == "disk") == bool(k % 3)]
         return whole
 
     messages = [(at, message(k, at)) for k, at in enumerate(ticks(30.0))]

@@ -16,8 +16,9 @@ import pytest
 
 from cwcli.errors import CwcliError, DataError, InputError, UsageError
 from cwcli.importing.mapping import parse_table_quantity_and_column_unit, read_mapping
+from cwcli.importing.readers import load_kind
 from cwcli.importing.run import ImportPlan, plan_import, write_import
-from cwcli.importing.tables import AmbiguousError, Answers
+from cwcli.importing.tables import AmbiguousError, Answers, SourceTable
 from cwcli.logs.read.reader import Log
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
 from tests.unit.importing.files import can_dump
@@ -435,3 +436,15 @@ def test_times_and_places_of_kml(tmp_path: Path) -> None:
     assert seconds.tolist() == [k for k in range(60) if k != 9]
     altitude_m = np.asarray(channel.fields["altitude"])
     assert np.flatnonzero(np.isnan(altitude_m)).tolist() == [7]
+
+
+def test_longitudes_without_a_latitude_stay_what_they_are(tmp_path: Path) -> None:
+    """A scale that puts every latitude beyond 90 degrees: there was a note of a pairing, and no longitude."""
+    trace, dbc = can_dump(tmp_path)
+    dbc.write_text(dbc.read_text().replace("GPS_Latitude : 0|32@1- (1E-007", "GPS_Latitude : 0|32@1- (3E-007"))
+    tables = load_kind("candump").read(str(trace), Answers(dbc=(str(dbc),)))
+    (table,) = [each for each in tables if isinstance(each, SourceTable) and "GPS_Longitude" in each.columns]
+    (batch,) = table.read_batches(["GPS_Latitude", "GPS_Longitude"])
+    assert not np.isfinite(batch["GPS_Latitude"]).any()
+    assert np.isfinite(batch["GPS_Longitude"]).all()
+    assert not any("is put to the times" in note for note in table.notes)

@@ -197,6 +197,15 @@ UNFORESEEN: dict[str, Make] = {
         b"</gx:Track></kml>",
     ),
     "rtklib, a line of 300 MB": repeated("a.pos", b"1 " * 500_000, 300, RTKLIB),
+    "vbox, a name 100,000 times": text("a.vbo", VBOX.replace(b"sats", b"a " * 100_000) + b"1 " * 100_007 + b"\n"),
+    "rtklib, names of brackets": text("a.pos", RTKLIB[:-1] + b" a((" * 60_000 + b"\n2024/01/01 00:00:00 48 11\n"),
+    "kml, times of 15 MB": repeated(
+        "a.kml",
+        b"<when>" + b"1" * 15_000_000 + b"</when><gx:coord>1 2</gx:coord>",
+        8,
+        b'<kml xmlns:gx="x"><gx:Track>',
+        b"</gx:Track></kml>",
+    ),
     "vbox, 500,000 rows of one cell": repeated("a.vbo", b"[data]\n", 500_000, VBOX),
     "dbc, a multiplexer of 2^32 values": with_dbc(candump, MULTIPLEXED),
     "dbc, a multiplexer of itself": with_dbc(

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_idl, get_typestore
 
+from cwcli.errors import InputError
 from cwcli.logs.codecs.ros2idl import MAX_IDL_CHARACTERS, ros2msg_text_of_idl
 from cwcli.logs.codecs.ros2msg import SchemaError, parse_message_definitions
 from cwcli.logs.read.reader import Log
@@ -74,6 +75,16 @@ def test_a_definition_that_cannot_be_read_is_counted(tmp_path: Path) -> None:
     with Log.open(database(tmp_path / "a.db3", "union X switch (long) {};")) as log:
         assert log.n_messages == 1
         assert "message types without a definition (pkg/msg/Outer)" in log.faults.counts_by_reason()
+
+
+def test_hostile_definitions_of_a_database(tmp_path: Path) -> None:
+    """Types that double have too many fields; definitions of 5 MB are refused before they are parsed."""
+    doubling = "".join(f"struct T{k} {{ pkg::msg::T{k + 1} a, b; }};" for k in range(60))
+    text = f"module pkg {{ module msg {{ struct Outer {{ T0 a; }}; {doubling} struct T60 {{ long x; }}; }}; }};"
+    with Log.open(database(tmp_path / "a.db3", text)) as log, pytest.raises(InputError, match="65,536 fields"):
+        log.columns("/t")
+    with pytest.raises(InputError, match="definitions have more than"):
+        Log.open(database(tmp_path / "b.db3", WRITTEN + "/" * 5_000_000))
 
 
 @pytest.mark.parametrize(
