@@ -1,7 +1,7 @@
 """Writes the generated part of docs/conformance.md: every clause with each rule, and the failures of the default.
 
 python -m tools.conformance              # as many repetitions as each clause says; minutes
-python -m tools.conformance --seeds 10
+python -m tools.conformance --seeds 10 nhtsa-fcw un-r131   # these rows alone
 """
 
 from __future__ import annotations
@@ -24,9 +24,12 @@ LANE_COLUMN = "lane departure"
 COLUMNS = ("clause", "numbers", "runs", *RULES, LANE_COLUMN)
 
 
-def clause_block(results: dict[str, list[ClauseResult]]) -> str:
-    """The tables: one row a clause, then one row a failed trial of the default."""
-    rows = []
+def clause_block(results: dict[str, list[ClauseResult]], before: str = "") -> str:
+    """The tables: one row a clause, then one row a failed trial of the default; other clauses' rows stay as before."""
+    measured = {result.clause.name for result in results[DEFAULT_RULE]}
+    kept = [tuple(cell.strip() for cell in line.strip("| ").split(" | ")) for line in before.splitlines()]
+    kept = [row for row in kept if row[0] in set(clause_names()) - measured]
+    rows = [row for row in kept if len(row) == len(COLUMNS)]
     for of_rules in zip(*(results[rule] for rule in RULES), strict=True):
         clause = of_rules[0].clause
         cells = [_cell(result) for result in of_rules]
@@ -34,7 +37,8 @@ def clause_block(results: dict[str, list[ClauseResult]]) -> str:
         of_all = ["-"] * len(RULES) + cells[:1] if is_of_lanes else [*cells, "-"]
         basis = clause.basis_text.removeprefix("numbers ")
         rows.append((clause.name, basis, str(of_rules[0].n_repetitions), *of_all))
-    failures = [
+    failures = [row for row in kept if len(row) != len(COLUMNS)]
+    failures += [
         (result.clause.name, trial.trial.name, trial.margin_text, trial.worst_repetition.verdict.text)
         for result in results[DEFAULT_RULE]
         for trial in result.trials
@@ -42,9 +46,9 @@ def clause_block(results: dict[str, list[ClauseResult]]) -> str:
     ]
     return "\n\n".join(
         [
-            format_markdown_table(COLUMNS, rows),
+            format_markdown_table(COLUMNS, sorted(rows)),
             "What the default fails:",
-            format_markdown_table(("clause", "trial", "worst margin", "what happened"), failures),
+            format_markdown_table(("clause", "trial", "worst margin", "what happened"), sorted(failures)),
         ]
     )
 
@@ -58,15 +62,22 @@ def _cell(result: ClauseResult) -> str:
 def main() -> None:
     """Run every clause with every rule, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("clauses", nargs="*", default=clause_names(), help="clauses that are run; all without one")
     parser.add_argument("--seeds", type=int)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--cache", help="folder of finished repetitions")
     options = parser.parse_args()
     hide_plugins()
     cache = RepetitionCache(options.cache) if options.cache else None
-    results = run_clauses_with_rules(clause_names(), ConformConfig(options.seeds, options.jobs), RULES, cache=cache)
+    config = ConformConfig(options.seeds, options.jobs)
+    write_page(run_clauses_with_rules(options.clauses, config, RULES, cache=cache))
+
+
+def write_page(results: dict[str, list[ClauseResult]]) -> None:
+    """Write the rows of the clauses that were run into the page."""
     text = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(replace_marked_block(text, "clauses", clause_block(results)), encoding="utf-8")
+    block = text.partition("<!-- clauses -->")[2].partition("<!-- end -->")[0]
+    PAGE.write_text(replace_marked_block(text, "clauses", clause_block(results, block)), encoding="utf-8")
 
 
 if __name__ == "__main__":
