@@ -206,6 +206,11 @@ class Clause:
         return sum(number.basis == "memory" for number in (*self.numbers.values(), *self.tolerances.values()))
 
     @property
+    def n_chosen_numbers(self) -> int:
+        """Number of numbers that are a choice of cwcli's, and so in no standard."""
+        return sum(number.basis == "own" for number in (*self.numbers.values(), *self.tolerances.values()))
+
+    @property
     def basis_text(self) -> str:
         """What the numbers of the trials are, in a few words: published ones only if one was read in its source."""
         bases = {number.basis for number in self.numbers.values()}
@@ -215,17 +220,19 @@ class Clause:
 
     @property
     def unchecked_text(self) -> str:
-        """How many numbers were not checked in their source, in words; "" if all were."""
-        return format_unchecked_numbers(self.n_unchecked_numbers)
+        """How many numbers were not read in their source, in words; "" if all were."""
+        return format_unchecked_numbers(self.n_unchecked_numbers, self.n_chosen_numbers)
 
     def tolerance(self, name: str) -> float | None:
         """A tolerance in SI units; None where the clause has none."""
         return self.tolerances[name].values_in_si_units[0] if name in self.tolerances else None
 
 
-def format_unchecked_numbers(n: int) -> str:
-    """Format how many numbers were not checked in their source; "" for none."""
-    return f"{format_count(n, 'number')} as commonly stated, not checked in the standard" if n else ""
+def format_unchecked_numbers(n: int, n_chosen: int) -> str:
+    """Format how many numbers were not checked in their source, and how many have none; "" for none."""
+    unchecked = f"{format_count(n, 'number')} as commonly stated, not checked in the standard" if n else ""
+    chosen = f"{n_chosen if n else format_count(n_chosen, 'number')} chosen here" if n_chosen else ""
+    return "; ".join(filter(None, (unchecked, chosen)))
 
 
 def clause_names() -> tuple[str, ...]:

@@ -32,7 +32,10 @@ def format_digest(results: Sequence[ClauseResult]) -> list[str]:
         if any(result.outcome == outcome for result in results)
     )
     heading = f"{format_count(len(results), 'clause')}: {counts} ({NUMBERS_AS_PUBLISHED_TEXT})"
-    unchecked = format_unchecked_numbers(sum(result.clause.n_unchecked_numbers for result in results))
+    clauses = [result.clause for result in results]
+    unchecked = format_unchecked_numbers(
+        sum(clause.n_unchecked_numbers for clause in clauses), sum(clause.n_chosen_numbers for clause in clauses)
+    )
     lines = [unchecked] if unchecked else []
     table = _format_rows(rows, MAX_DIGEST_LINES - 2 - len(lines), "clauses")
     return _cut_to_digest_size([heading, *table, *lines], "`cwcli conform NAME` shows the trials")

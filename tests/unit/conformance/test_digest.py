@@ -37,7 +37,8 @@ def test_all_clauses_fit_with_the_failed_ones_first() -> None:
     assert lines[2].split() == ["un-r152", "fail", "0", "of", "1", "-1.00", "s"]
     assert "more clauses, 0 of which fail" in lines[-3]
     n_unchecked = sum(load_clause(name).n_unchecked_numbers for name in clause_names())
-    assert lines[-2] == f"{n_unchecked} numbers as commonly stated, not checked in the standard"
+    n_chosen = sum(load_clause(name).n_chosen_numbers for name in clause_names())
+    assert lines[-2] == f"{n_unchecked} numbers as commonly stated, not checked in the standard; {n_chosen} chosen here"
 
 
 def test_a_grid_of_a_hundred_trials_fits_and_counts_what_is_left_out() -> None:
@@ -45,7 +46,7 @@ def test_a_grid_of_a_hundred_trials_fits_and_counts_what_is_left_out() -> None:
     lines = format_digest([result("euro-ncap-c2c", margins)])
     assert len(lines) <= MAX_DIGEST_LINES
     assert max(map(len, lines)) <= MAX_DIGEST_LINE_CHARACTERS
-    assert "and 97 more trials, 13 of which fail" in "".join(lines)
+    assert "and 98 more trials, 14 of which fail" in "".join(lines)
     assert any(line.startswith("worst: CCRs") for line in lines)
 
 
@@ -72,7 +73,7 @@ def test_documents_of_machines_hold_every_trial_and_no_infinite_number() -> None
     results = [result("nhtsa-fcw", [-0.1, math.nan, None])]
     suite = ET.fromstring(format_junit(results))[0]
     assert [suite.get(key) for key in ("tests", "failures", "skipped")] == ["3", "1", "1"]
-    words = "5 numbers as commonly stated, not checked in the standard"
+    words = "5 numbers as commonly stated, not checked in the standard; 1 chosen here"
     assert suite[0][0].get("value") == f"numbers as published; {words}"
     markdown = format_markdown(results)
     assert f"\n\n{words}.\n\n" in markdown
