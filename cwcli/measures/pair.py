@@ -81,7 +81,7 @@ class Pair:
     """Two vehicles at the host's stamps. Quantities that several measures share are computed once.
 
     Attributes:
-        host, other: Their tracks.
+        host, other: Their tracks, each at its own stamps; `other_states` is the other's at the host's stamps.
         host_size, other_size: Length and width of the outlines, metres.
         max_gap_s: The other's track is not interpolated across longer gaps.
         known_other: The other's states (n, 4) and derivatives (n, 3) at the host's stamps where they are known already;
@@ -184,16 +184,16 @@ class Pair:
 
     @cached_property
     def relative_motion(self) -> RelativeMotion:
-        """The relative motion in the rows `near`."""
+        """The relative motion in the rows `near_rows`."""
         return compute_relative_motion(self.host.state[self.near_rows, :4], self.other_states[self.near_rows])
 
     @cached_property
     def other_in_host_axes(self) -> OtherInHostAxes:
-        """The other in the host's axes, in the rows `near`."""
+        """The other in the host's axes, in the rows `near_rows`."""
         return OtherInHostAxes(self)
 
     def expand_to_all_rows(self, values: FloatArray) -> FloatArray:
-        """Expand values of the rows `near` to all rows, (n,); the other rows are NaN."""
+        """Expand values of the rows `near_rows` to all rows, (n,); the other rows are NaN."""
         out = np.full(len(self.stamp_ns), np.nan)
         out[self.near_rows] = values
         return out
@@ -215,7 +215,7 @@ def compute_relative_motion(host: FloatArray, other: FloatArray) -> RelativeMoti
 
 
 class OtherInHostAxes:
-    """The other in the host's axes, x ahead and y to the left, each (m,): the rows `near` of a pair.
+    """The other in the host's axes, x ahead and y to the left, each (m,): the rows `near_rows` of a pair.
 
     Attributes:
         host_speed_mps, other_speed_mps: Speeds along their own headings.

@@ -74,7 +74,13 @@ def full_trust(state: StateRows, covariance: StateCovariances | None, prior: Dri
 
 
 def constant_derivatives_model(summary: str, uses: tuple[bool, bool, bool, bool]) -> Model:
-    """A model in which the derivatives it uses stay constant: A = t, J = t^2/2, W = t, D = t^2/2, or 0."""
+    """Build a model in which the derivatives that it uses stay constant: A = t, J = t^2/2, W = t, D = t^2/2, or 0.
+
+    song2016's recursion covers each of them (`in_paper`): it sets the derivatives that are not used to 0.
+
+    Args:
+        uses: Whether acceleration, jerk, yaw rate and yaw acceleration are used.
+    """
 
     def driver_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
         none = np.zeros_like(time_s)
