@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import field, fields
 from functools import partial
 from typing import Any, TypeVar
 
@@ -113,21 +113,22 @@ def evaluate_pairs(
     """
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
     pairings = [pair_with_newest_state(host, other, config.use, config.max_age_s) for other in others]
-    parts: list[list[_WindowEvaluation]] = [[] for _ in others]
+    windows_of_pairs = [_PairWindows() for _ in others]
     for first in range(0, len(host.stamp_ns), window_rows):
         last = min(first + window_rows, len(host.stamp_ns))
         own = host.paths.take(np.arange(first, last))
         points = interpolate_paths(own, np.arange(last - first), np.zeros(last - first), time_s)
-        for other, pairing, done in zip(others, pairings, parts, strict=True):
+        for other, pairing, done in zip(others, pairings, windows_of_pairs, strict=True):
             a, b = np.searchsorted(pairing.host_row, [first, last])
-            if a < b or not done:  # a pair that never meets has one part without rows
+            if a < b or done.is_empty:  # a pair that never meets has one window without rows
                 rows = pairing.host_row[a:b] - first, pairing.other_row[a:b], pairing.age_s[a:b]
                 window = _HostWindow(host, other, own, points, first)
                 done.append(_evaluate_window(window, rows, rule, config, persistence_s, time_s))
-    return tuple(
-        _join_windows_and_find_events(host, other, pairing, done, config, persistence_s)
-        for other, pairing, done in zip(others, pairings, parts, strict=True)
-    )
+    evaluations = []
+    for other, pairing in zip(others, pairings, strict=True):
+        joined = windows_of_pairs.pop(0).join()  # so that what is joined is in memory once
+        evaluations.append(_find_events_of_pair(host, other, pairing, joined, config, persistence_s))
+    return tuple(evaluations)
 
 
 @dataclass(frozen=True)
@@ -152,6 +153,35 @@ class _WindowEvaluation:
     decision: Decision
     n_beyond_path: int
     kinds: npt.NDArray[np.int8]
+
+
+MIN_ROWS_PER_BLOCK = 1 << 15
+"""Number of evaluations that are joined to one block: its arrays are then large enough for the file of large arrays
+(`array_memory`); the result does not depend on it. Chosen by hand."""
+
+
+@dataclass
+class _PairWindows:
+    """The evaluations of one pair: windows, joined to a block each time that they have rows enough."""
+
+    _blocks: list[_WindowEvaluation] = field(default_factory=list)
+    _windows: list[_WindowEvaluation] = field(default_factory=list)
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was appended yet."""
+        return not self._blocks and not self._windows
+
+    def append(self, window: _WindowEvaluation) -> None:
+        """Append the evaluations of the next window."""
+        self._windows.append(window)
+        if sum(len(each.host_row) for each in self._windows) >= MIN_ROWS_PER_BLOCK:
+            self._blocks.append(_join_windows(self._windows))
+            self._windows.clear()
+
+    def join(self) -> _WindowEvaluation:
+        """Return the evaluations of all windows as one."""
+        return _join_windows([*self._blocks, *self._windows])
 
 
 def _evaluate_window(
@@ -213,22 +243,31 @@ def _evaluate_window(
     return _WindowEvaluation(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()), kinds)
 
 
-def _join_windows_and_find_events(
+def _join_windows(parts: Sequence[_WindowEvaluation]) -> _WindowEvaluation:
+    """Join the evaluations of several windows of one pair."""
+    return _WindowEvaluation(
+        host_row=np.concatenate([part.host_row for part in parts]),
+        other_row=np.concatenate([part.other_row for part in parts]),
+        age_s=np.concatenate([part.age_s for part in parts]),
+        measures=_stack_rows([part.measures for part in parts]),
+        decision=_stack_rows([part.decision for part in parts]),
+        n_beyond_path=sum(part.n_beyond_path for part in parts),
+        kinds=np.concatenate([part.kinds for part in parts]),
+    )
+
+
+def _find_events_of_pair(
     host: VehicleTrack,
     other: VehicleTrack,
     pairing: StatePairing,
-    parts: Sequence[_WindowEvaluation],
+    evaluated: _WindowEvaluation,
     config: WarningConfig,
     persistence_s: float,
 ) -> PairEvaluation:
-    """Join the evaluations of all windows, and find the events in them."""
-    host_row, other_row = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("host_row", "other_row")
-    )
-    measures, decision = _stack_rows([part.measures for part in parts]), _stack_rows([part.decision for part in parts])
+    """Find the events in the evaluations of a pair."""
+    host_row, decision, kinds = evaluated.host_row, evaluated.decision, evaluated.kinds
     stamp_ns = host.stamp_ns[host_row]
-    is_withheld = _flagged_mask(host, host_row) | _flagged_mask(other, other_row)
-    kinds = np.concatenate([part.kinds for part in parts])
+    is_withheld = _flagged_mask(host, host_row) | _flagged_mask(other, evaluated.other_row)
     trusted = withhold_warnings(decision, is_withheld)
     is_kind_on = {
         WarningKind.FROM_BEHIND: config.from_behind,
@@ -249,8 +288,8 @@ def _join_windows_and_find_events(
         stamp_ns=stamp_ns,
         log_time_ns=host.log_time_ns[host_row],
         known_ns=host.known_ns[host_row],
-        age_s=np.concatenate([part.age_s for part in parts]),
-        measures=measures,
+        age_s=evaluated.age_s,
+        measures=evaluated.measures,
         decision=trusted_warnings,
         spans=spans,
         is_withheld=is_withheld,
@@ -258,8 +297,8 @@ def _join_windows_and_find_events(
         n_out_of_reach=len(pairing.host_row) - len(host_row),
         n_without_message=pairing.n_without_message,
         n_stale=pairing.n_stale,
-        n_beyond_path=sum(part.n_beyond_path for part in parts),
-        n_not_finite=int(np.isnan(measures.horizon_distance_m).sum()),
+        n_beyond_path=evaluated.n_beyond_path,
+        n_not_finite=int(np.isnan(evaluated.measures.horizon_distance_m).sum()),
         n_withheld=sum(bool(is_withheld[span.raised]) for span in spans_of_all),
         kinds=kinds,
         n_left_out={kind: sum(bool(kinds[span.raised] == kind) for span in spans_of_trusted) for kind in off},
