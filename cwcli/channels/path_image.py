@@ -86,7 +86,7 @@ class PathFrames:
         _, mine, theirs = np.intersect1d(stamp_ns[starts], lanes.stamp_ns[frames], return_indices=True)
         order = np.argsort(mine)
         rows, lane_rows = starts[mine[order]], frames[theirs[order]]
-        return cls(stamp_ns[rows], log_time_ns[rows], paths.take(rows), viewpoint, lanes, lane_rows)
+        return cls(stamp_ns[rows], log_time_ns[rows], paths.paths_of_rows(rows), viewpoint, lanes, lane_rows)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)

@@ -66,7 +66,7 @@ class PredictedPaths:
         return self.paths.time_s
 
     def select_paths(self, rows: Rows) -> Paths:
-        return self.paths.take(rows)
+        return self.paths.paths_of_rows(rows)
 
     def positions_m_of_points(self, rows: Rows, points: Rows) -> FloatArray:
         """Some points of some paths, shape (rows, points, 2)."""
@@ -110,7 +110,7 @@ class LazyPaths:
 
     def positions_m_of_points(self, rows: Rows, points: Rows) -> FloatArray:
         """Some points of some paths, shape (rows, points, 2)."""
-        paths = self.plan.take(rows, points=points)
+        paths = self.plan.paths_of_rows(rows, points=points)
         return np.stack([paths.x_m, paths.y_m], axis=2)
 
 
@@ -152,7 +152,7 @@ def make_lazy_path_channel(channel: Channel, planned: LazyPaths, *, rate_hz: flo
 
     def build_fields_of_rows(start: int, stop: int) -> Mapping[str, OutputField]:
         own = chosen[start:stop]
-        paths = planned.plan.take(own)
+        paths = planned.plan.paths_of_rows(own)
         return _predicted_path_fields(
             planned.ids.select_rows(own),
             planned.stamp_ns[own],

@@ -12,9 +12,9 @@ from cwcli.control.closed_loop import (
     PedalPolicy,
     PedalSituation,
     RecordedMotion,
-    braking_driver_throttle_and_pressure,
     fuzzy_controller_throttle_and_pressure,
     replay_with_policy,
+    throttle_and_pressure_of_driver_braking_after_warning,
 )
 from cwcli.control.controller import MAX_BRAKE_PRESSURE_MPA
 from cwcli.lazy_dataclass import dataclass
@@ -40,7 +40,7 @@ def full_braking_throttle_and_pressure(situation: PedalSituation) -> tuple[Float
 PEDALS_BY_POLICY: Mapping[str, PedalPolicy | None] = {
     NO_BRAKING_POLICY: None,
     "full": full_braking_throttle_and_pressure,
-    "driver": braking_driver_throttle_and_pressure,
+    "driver": throttle_and_pressure_of_driver_braking_after_warning,
     "fuzzy": fuzzy_controller_throttle_and_pressure,
 }
 """Policy -> its pedals. `none` does not brake; `full` brakes with 10 MPa at once; `driver` brakes hard 1.5 s after the

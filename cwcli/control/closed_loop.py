@@ -105,7 +105,7 @@ def fuzzy_controller_throttle_and_pressure(situation: PedalSituation) -> Throttl
     return fuzzy_throttle_and_pressure(situation.ttc_s, situation.speed_difference_mps)
 
 
-def braking_driver_throttle_and_pressure(situation: PedalSituation) -> ThrottleAndPressure:
+def throttle_and_pressure_of_driver_braking_after_warning(situation: PedalSituation) -> ThrottleAndPressure:
     """Throttle and brake pressure of a driver who brakes hard and steadily 1.5 s after the warning."""
     braking = situation.since_warning_s >= DRIVER_REACTION_TIME_S
     return np.zeros(len(braking)), np.where(braking, DRIVER_BRAKE_PRESSURE_MPA, 0.0)

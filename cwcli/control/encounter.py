@@ -14,9 +14,9 @@ from cwcli.control.closed_loop import (
     PedalSituation,
     RecordedMotion,
     ReplayedRuns,
-    braking_driver_throttle_and_pressure,
     fuzzy_controller_throttle_and_pressure,
     replay_with_policy,
+    throttle_and_pressure_of_driver_braking_after_warning,
 )
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
@@ -188,7 +188,10 @@ def cut_motion(motion: RecordedMotion, start_s: float, end_s: float) -> Recorded
 def _throttle_and_pressure_of_all_policies(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of all policies, one row each; shape (3,) each."""
     throttle, pressure = np.zeros(len(BRAKING_POLICY_NAMES)), np.zeros(len(BRAKING_POLICY_NAMES))
-    for row, policy in ((1, fuzzy_controller_throttle_and_pressure), (2, braking_driver_throttle_and_pressure)):
+    for row, policy in (
+        (1, fuzzy_controller_throttle_and_pressure),
+        (2, throttle_and_pressure_of_driver_braking_after_warning),
+    ):
         opening, brake = policy(situation)
         throttle[row], pressure[row] = opening[row], brake[row]
     return throttle, pressure

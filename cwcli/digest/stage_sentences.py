@@ -111,7 +111,7 @@ def _predict_sentence(summary: RecordedSummary, tables: Tables) -> str:
     return f"Predicted positions {ahead.group()} differ from the later track by {join_names(errors)} on average."
 
 
-def _predict_lane_sentence(summary: RecordedSummary, tables: Tables) -> str:
+def _sentence_of_predict_lane_stage(summary: RecordedSummary, tables: Tables) -> str:
     return "The car's path in its lane was predicted."
 
 
@@ -157,7 +157,7 @@ _SENTENCE_FUNCTION_BY_STAGE: dict[str, Callable[[RecordedSummary, Tables], str]]
     "lanes": _lanes_sentence,
     "observe": _observe_sentence,
     "predict": _predict_sentence,
-    "predict-lane": _predict_lane_sentence,
+    "predict-lane": _sentence_of_predict_lane_stage,
     "measure": _measure_sentence,
     "control": _crashes_by_policy_sentence,
 }

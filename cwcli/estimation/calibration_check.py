@@ -71,7 +71,7 @@ def notes_on_worse_prediction_with_calibration(
     if not worse or total <= 0.0:
         return []
     names = ", ".join(f"{kind.name.lower()} of {source}" for source, kind in worse)
-    contradictions = _contradiction_texts(own, calibrated, calibration)
+    contradictions = _texts_on_differing_latencies_and_noises(own, calibrated, calibration)
     return [
         f"the calibration {calibration.name} makes this log worse: with its constants the filter predicts the {names} "
         f"worse than with what the log says of itself (log-likelihood {-total:.0f})"
@@ -124,7 +124,9 @@ def _row_log_likelihood_gains_of_own_constants(
     return {key: gain for key, gain in gains.items() if len(gain)}
 
 
-def _contradiction_texts(own: _PredictedLog, calibrated: _PredictedLog, calibration: Calibration) -> list[str]:
+def _texts_on_differing_latencies_and_noises(
+    own: _PredictedLog, calibrated: _PredictedLog, calibration: Calibration
+) -> list[str]:
     """Return texts on what differs most, with both values: latencies in units of their sigmas, then the noise."""
     differences = []
     pairs = zip(own.tuned.series, own.tuned.latencies, calibrated.tuned.latencies, strict=True)

@@ -97,7 +97,7 @@ def add_metrics(context: EvaluationContext) -> None:
             _add_published_path_errors(headline, who, published, states[who])
         if who == "ego" and ego.truth is not None:
             truth = ego.truth
-            every = published.select_paths(np.arange(len(published))).take(np.arange(len(published)))
+            every = published.select_paths(np.arange(len(published))).paths_of_rows(np.arange(len(published)))
             errors = path_errors_against_track(
                 every, published.stamp_ns, truth.stamp_ns, truth.xy, MAX_INTERPOLATED_TRUTH_GAP_S
             )
@@ -129,7 +129,7 @@ def _add_published_path_errors(
         if vehicle not in tracks:
             continue
         own = tracks[vehicle]
-        paths, stamp_ns = published.select_paths(rows).take(np.arange(len(rows))), published.stamp_ns[rows]
+        paths, stamp_ns = published.select_paths(rows).paths_of_rows(np.arange(len(rows))), published.stamp_ns[rows]
         found.append(
             path_errors_against_track(
                 paths, stamp_ns, states.stamp_ns[own], states.state[own, :2], MAX_INTERPOLATED_TRACK_GAP_S

@@ -94,15 +94,15 @@ def _read_settings(record: Record, *, with_constants: bool) -> dict[str, Any]:
 def _read_constants(text: str) -> Any:
     """Return what the stages use of a calibration file; its text if it is no TOML."""
     try:
-        return _select_constants(parse_toml(text))
+        return _keep_entries_that_stages_use(parse_toml(text))
     except ValueError:
         return text
 
 
-def _select_constants(table: Mapping[str, Any]) -> dict[str, Any]:
+def _keep_entries_that_stages_use(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entries of a table that the stages use, and those of the tables in it."""
     return {
-        name: _select_constants(value) if isinstance(value, dict) else value
+        name: _keep_entries_that_stages_use(value) if isinstance(value, dict) else value
         for name, value in table.items()
         if isinstance(value, dict) or name in COMPARED_KEYS_OF_CALIBRATED_CONSTANT
     }

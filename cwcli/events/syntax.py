@@ -62,7 +62,7 @@ UNIT_AND_FACTOR_BY_SPELLING = {
 """Unit behind a number -> the unit of the quantities that it fits, and the factor to it (SI; NIST SP 811)."""
 ALL_EVENTS_NAME = "all"
 """The word for every named event but those that are parts of another one."""
-WORDS_BEHIND_NUMBER = LOGICAL_WORDS | {"for", "within", "over"}
+WORDS_ALLOWED_AFTER_NUMBER_WITHOUT_UNIT = LOGICAL_WORDS | {"for", "within", "over"}
 """Words that may follow a number without a unit."""
 EXPRESSION_EXAMPLE = "for example 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps > 8', or 'cut-in'"
 """Valid expressions, which the hints of syntax errors show."""
@@ -196,7 +196,7 @@ class _Parser(ConditionParser):
         if kind == "number":
             number = self._parse_number()
             kind, text, _ = self.next_token_without_taking_it()
-            if number.unit is None and kind == "name" and text not in WORDS_BEHIND_NUMBER:
+            if number.unit is None and kind == "name" and text not in WORDS_ALLOWED_AFTER_NUMBER_WITHOUT_UNIT:
                 hint = hint_at_closest_or_all_known_names(text, UNIT_AND_FACTOR_BY_SPELLING, "units")
                 raise UsageError(f"there is no unit {text}", hint=hint)
             return number

@@ -50,7 +50,7 @@ def time_and_distance_of_closest_encounter(pair: Pair) -> FloatArray:
 def time_to_closest_encounter(pair: Pair) -> SecondsAtStamps:
     """Time to the closest encounter (s) at each stamp, (n,)."""
     time_s, _ = pair.compute_once(time_and_distance_of_closest_encounter)
-    return pair.expand_to_all_rows(time_s)
+    return pair.expand_near_rows_to_all_rows(time_s)
 
 
 TTCE = Measure(
@@ -70,7 +70,7 @@ TTCE = Measure(
 def distance_of_closest_encounter(pair: Pair) -> MetresAtStamps:
     """Distance (m) of the outlines at their closest encounter, computed at each stamp, (n,)."""
     _, distance_m = pair.compute_once(time_and_distance_of_closest_encounter)
-    return pair.expand_to_all_rows(distance_m)
+    return pair.expand_near_rows_to_all_rows(distance_m)
 
 
 DCE = Measure(

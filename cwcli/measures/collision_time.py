@@ -14,7 +14,7 @@ from cwcli.signals.columns import FloatArray
 def time_to_collision(pair: Pair) -> SecondsAtStamps:
     """Time to collision (s) at each stamp, (n,); NaN off a collision course, and beyond 200 m of centre distance."""
     found = straight_contact_time_s(EdgeProjections.from_pair(pair))
-    return pair.expand_to_all_rows(np.where(found < np.inf, found, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(found < np.inf, found, np.nan))
 
 
 TTC = Measure(
@@ -41,7 +41,7 @@ def modified_time_to_collision(pair: Pair) -> SecondsAtStamps:
     at = pair.other_in_host_axes
     ax, ay = at.other_accel_mps2
     found = accelerated_contact_time_s(EdgeProjections.from_pair(pair), ax - at.host_accel_mps2, ay)
-    return pair.expand_to_all_rows(np.where(found < np.inf, found, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(found < np.inf, found, np.nan))
 
 
 MTTC = Measure(
@@ -72,7 +72,7 @@ def potential_time_to_collision(pair: Pair) -> SecondsAtStamps:
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = np.sqrt(at.vx_mps**2 + 2.0 * braking * at.headway_if_straight_ahead_m) - at.vx_mps
         time_s = 2.0 * at.headway_if_straight_ahead_m / rate
-    return pair.expand_to_all_rows(np.where(at.is_straight_ahead & (rate > 0.0), time_s, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(at.is_straight_ahead & (rate > 0.0), time_s, np.nan))
 
 
 PTTC = Measure(
@@ -98,7 +98,7 @@ def inverse_time_to_collision(pair: Pair) -> FloatArray:
     closing_mps = -at.vx_mps
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = np.where(closing_mps > 0.0, closing_mps / at.headway_if_straight_ahead_m, 0.0)
-    return pair.expand_to_all_rows(np.where(at.is_straight_ahead, rate, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(at.is_straight_ahead, rate, np.nan))
 
 
 ITTC = Measure(
@@ -120,7 +120,7 @@ ITTC = Measure(
 
 def time_to_predicted_collision(pair: Pair) -> SecondsAtStamps:
     """Time to collision (s) along paths of constant speed and yaw rate, at each stamp, (n,); NaN if there is none."""
-    return pair.expand_to_all_rows(first_overlap_time_s(pair))
+    return pair.expand_near_rows_to_all_rows(first_overlap_time_s(pair))
 
 
 TTC_STAR = Measure(
@@ -160,7 +160,7 @@ def worst_time_to_collision(pair: Pair) -> SecondsAtStamps:
         distance_m = np.hypot(at.dx_m + at.dvx_mps * time, at.dy_m + at.dvy_mps * time)
         left = np.maximum(distance_m - radius + speed * time, 0.0)
         time = np.maximum((np.sqrt(speed**2 + 2.0 * together * left) - speed) / together, time)
-    return pair.expand_to_all_rows(time)
+    return pair.expand_near_rows_to_all_rows(time)
 
 
 WTTC = Measure(

@@ -48,7 +48,7 @@ def predicted_post_encroachment_time(pair: Pair) -> SecondsAtStamps:
     """Predicted post-encroachment time (s) at each stamp, (n,); 0 where both would be in the area at once."""
     at = StraightCrossing(pair)
     gap = np.maximum(at.host_entry_s - at.other_exit_s, at.other_entry_s - at.host_exit_s)
-    return pair.expand_to_all_rows(np.where(at.is_crossing_ahead, np.maximum(gap, 0.0), np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(at.is_crossing_ahead, np.maximum(gap, 0.0), np.nan))
 
 
 PPET = Measure(
@@ -73,7 +73,7 @@ PPET = Measure(
 def gap_time(pair: Pair) -> SecondsAtStamps:
     """Time (s) between both arrivals at the crossing, at each stamp, (n,); NaN where no crossing is ahead."""
     at = StraightCrossing(pair)
-    return pair.expand_to_all_rows(
+    return pair.expand_near_rows_to_all_rows(
         np.where(at.is_crossing_ahead, np.abs(at.host_arrival_s - at.other_arrival_s), np.nan)
     )
 

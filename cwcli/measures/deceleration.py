@@ -22,7 +22,7 @@ def deceleration_to_avoid_crash(pair: Pair) -> Mps2AtStamps:
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = closing**2 / (2.0 * gap)
     brakes = (closing > 0.0) & np.isfinite(ttc)  # only a pair on the way to contact needs to brake at all
-    return pair.expand_to_all_rows(np.where(brakes, np.where(gap > 0.0, needed, np.inf), np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(brakes, np.where(gap > 0.0, needed, np.inf), np.nan))
 
 
 def closing_speed_of_centres_mps(pair: Pair) -> FloatArray:
@@ -60,7 +60,7 @@ def modified_deceleration_to_avoid_crash(pair: Pair) -> Mps2AtStamps:
     closing = closing_speed_of_centres_mps(pair)
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(ttc > MDRAC_REACTION_TIME_S, closing / (2.0 * (ttc - MDRAC_REACTION_TIME_S)), np.inf)
-    return pair.expand_to_all_rows(np.where(np.isfinite(ttc) & (closing > 0.0), needed, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(np.isfinite(ttc) & (closing > 0.0), needed, np.nan))
 
 
 MDRAC = Measure(
@@ -90,7 +90,7 @@ def deceleration_to_safety_time(pair: Pair) -> Mps2AtStamps:
     closes = at.is_straight_ahead & (at.vx_mps < 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(left_m > 0.0, 1.5 * at.vx_mps**2 / left_m, np.inf)
-    return pair.expand_to_all_rows(np.where(closes, needed, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(closes, needed, np.nan))
 
 
 DST = Measure(

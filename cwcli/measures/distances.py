@@ -37,7 +37,7 @@ def gap_of_outlines(pair: Pair) -> MetresAtStamps:
     found = signed_outline_distance_m(
         at.dx_m, at.dy_m, at.host_heading_rad, at.other_heading_rad, pair.host_size, pair.other_size
     )
-    return pair.expand_to_all_rows(found)
+    return pair.expand_near_rows_to_all_rows(found)
 
 
 GAP = Measure(
@@ -61,7 +61,7 @@ GAP = Measure(
 
 def headway_to_vehicle_ahead(pair: Pair) -> MetresAtStamps:
     """Gap (m) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
-    return pair.expand_to_all_rows(pair.other_in_host_axes.headway_if_straight_ahead_m)
+    return pair.expand_near_rows_to_all_rows(pair.other_in_host_axes.headway_if_straight_ahead_m)
 
 
 HEADWAY = Measure(
@@ -83,7 +83,7 @@ def time_headway(pair: Pair) -> SecondsAtStamps:
     """Time headway (s) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
     at = pair.other_in_host_axes
     with np.errstate(divide="ignore", invalid="ignore"):
-        return pair.expand_to_all_rows(
+        return pair.expand_near_rows_to_all_rows(
             np.where(at.host_speed_mps > 0.0, at.headway_if_straight_ahead_m / at.host_speed_mps, np.nan)
         )
 

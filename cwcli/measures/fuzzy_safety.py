@@ -56,14 +56,16 @@ def proactive_fuzzy_safety(pair: Pair) -> RatiosAtStamps:
     """Proactive fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe): if the vehicle ahead brakes."""
     at = pair.other_in_host_axes
     ahead = at.vx_mps + at.host_speed_mps
-    return pair.expand_to_all_rows(proactive_unsafety_of_gap(at.headway_if_straight_ahead_m, at.host_speed_mps, ahead))
+    return pair.expand_near_rows_to_all_rows(
+        proactive_unsafety_of_gap(at.headway_if_straight_ahead_m, at.host_speed_mps, ahead)
+    )
 
 
 def critical_fuzzy_safety(pair: Pair) -> RatiosAtStamps:
     """Critical fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe): if the vehicle ahead keeps its speed."""
     at = pair.other_in_host_axes
     ahead = at.vx_mps + at.host_speed_mps
-    return pair.expand_to_all_rows(
+    return pair.expand_near_rows_to_all_rows(
         critical_unsafety_of_gap(at.headway_if_straight_ahead_m, at.host_speed_mps, ahead, at.host_accel_mps2)
     )
 

@@ -12,13 +12,13 @@ from cwcli.signals.columns import FloatArray
 
 def host_longitudinal_jerk_size_mps3(pair: Pair) -> FloatArray:
     """Size of the host's longitudinal jerk (m/s^3) at each stamp, (n,)."""
-    return pair.expand_to_all_rows(np.abs(pair.host_accel_yaw_rate_jerk[pair.near_rows, 2]))
+    return pair.expand_near_rows_to_all_rows(np.abs(pair.host_accel_yaw_rate_jerk[pair.near_rows, 2]))
 
 
 def host_lateral_jerk_size_mps3(pair: Pair) -> FloatArray:
     """Size of the host's lateral jerk (m/s^3) at each stamp, (n,): that of v w with a constant yaw rate w."""
     accel, yaw_rate, _ = pair.host_accel_yaw_rate_jerk[pair.near_rows].T
-    return pair.expand_to_all_rows(np.abs(accel * yaw_rate))
+    return pair.expand_near_rows_to_all_rows(np.abs(accel * yaw_rate))
 
 
 LONG_JERK = Measure(

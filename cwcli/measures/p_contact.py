@@ -53,7 +53,7 @@ def contact_probability_within_horizon(pair: Pair) -> RatiosAtStamps:
         both = collision_probability(dx[at], dy[at], host, other) + collision_probability(-dx[at], -dy[at], other, host)
         values[at] = 0.5 * both[:, 0]
         found[rows] = values
-    return pair.expand_to_all_rows(found)
+    return pair.expand_near_rows_to_all_rows(found)
 
 
 def propagate_to_x_y_heading_and_xy_covariance(

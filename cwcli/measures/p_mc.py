@@ -42,7 +42,7 @@ def share_of_sampled_manoeuvres_touching(pair: Pair) -> RatiosAtStamps:
             <= CONTACT_HORIZON_S
         )
         found[part] = hit.reshape(len(part), N_RANDOM_MANOEUVRES).mean(axis=1)
-    return pair.expand_to_all_rows(found)
+    return pair.expand_near_rows_to_all_rows(found)
 
 
 @cache

@@ -192,7 +192,7 @@ class Pair:
         """The other in the host's axes, in the rows `near_rows`."""
         return OtherInHostAxes(self)
 
-    def expand_to_all_rows(self, values: FloatArray) -> FloatArray:
+    def expand_near_rows_to_all_rows(self, values: FloatArray) -> FloatArray:
         """Expand values of the rows `near_rows` to all rows, (n,); the other rows are NaN."""
         out = np.full(len(self.stamp_ns), np.nan)
         out[self.near_rows] = values

@@ -17,7 +17,7 @@ def required_longitudinal_acceleration(pair: Pair) -> Mps2AtStamps:
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(closing < 0.0, closing**2 / (2.0 * at.headway_if_straight_ahead_m), 0.0)
     needed = np.minimum(at.other_accel_mps2[0] - relative, 0.0)
-    return pair.expand_to_all_rows(np.where(at.is_straight_ahead, needed, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(at.is_straight_ahead, needed, np.nan))
 
 
 A_LONG_REQ = Measure(
@@ -49,7 +49,7 @@ def required_lateral_acceleration(pair: Pair) -> Mps2AtStamps:
             for side in (-1.0, 1.0)
         ]
     needed = np.where(ttc > 0.0, np.minimum(*sides), np.inf)
-    return pair.expand_to_all_rows(np.where(ahead & np.isfinite(ttc), needed, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(ahead & np.isfinite(ttc), needed, np.nan))
 
 
 A_LAT_REQ = Measure(

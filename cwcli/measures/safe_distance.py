@@ -105,7 +105,7 @@ def rss_longitudinal_margin(pair: Pair) -> MetresAtStamps:
     )
     leaves = (at.cos_turn < 0.0) & (at.x_m < 0.0)
     along = np.abs(at.cos_turn) > MIN_COSINE_BETWEEN_HEADINGS
-    return pair.expand_to_all_rows(np.where(along & ~leaves, gap - safe, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(along & ~leaves, gap - safe, np.nan))
 
 
 RSS_LONG = Measure(
@@ -134,7 +134,7 @@ def rss_lateral_margin(pair: Pair) -> MetresAtStamps:
     toward = np.where(at.y_m > 0.0, -at.vy_mps, at.vy_mps)
     # The host moves along its heading, so that it has no speed across.
     safe = safe_lateral_gap_m(toward, 0.0, OTHER_RESPONSE_TIME_S, HOST_RESPONSE_TIME_S)
-    return pair.expand_to_all_rows(gap - safe)
+    return pair.expand_near_rows_to_all_rows(gap - safe)
 
 
 RSS_LAT = Measure(
@@ -163,7 +163,7 @@ def rss_required_host_braking_mps2(pair: Pair) -> Mps2AtStamps:
     braking = np.where(toward, MIN_BRAKING_IN_OWN_LANE_MPS2, MIN_BRAKING_AFTER_RESPONSE_MPS2)
     is_rear = at.x_m > 0.0
     dangerous = (along < 0.0) & (across < 0.0) & is_rear
-    return pair.expand_to_all_rows(np.where(np.isnan(along), np.nan, np.where(dangerous, braking, 0.0)))
+    return pair.expand_near_rows_to_all_rows(np.where(np.isnan(along), np.nan, np.where(dangerous, braking, 0.0)))
 
 
 RSS_RESPONSE = Measure(

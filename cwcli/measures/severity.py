@@ -18,7 +18,9 @@ def host_velocity_change_in_crash_mps(pair: Pair) -> FloatArray:
     """Change of the host's velocity (m/s) in a crash, computed at each stamp, (n,); NaN off a collision course."""
     at = pair.relative_motion
     change = OTHER_VEHICLE_SHARE_OF_TOTAL_MASS * np.hypot(at.dvx_mps, at.dvy_mps)
-    return pair.expand_to_all_rows(np.where(np.isfinite(pair.evaluate_measure(TTC)[pair.near_rows]), change, np.nan))
+    return pair.expand_near_rows_to_all_rows(
+        np.where(np.isfinite(pair.evaluate_measure(TTC)[pair.near_rows]), change, np.nan)
+    )
 
 
 DELTA_V = Measure(
@@ -47,7 +49,7 @@ def crash_index(pair: Pair) -> FloatArray:
     theirs = np.maximum(theirs_mps + at.other_accel_mps2[0] * until_s, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         index = np.where(until_s > 0.0, (own**2 - theirs**2) / (2.0 * until_s), np.inf)
-    return pair.expand_to_all_rows(np.where(at.is_straight_ahead & np.isfinite(until_s), index, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(at.is_straight_ahead & np.isfinite(until_s), index, np.nan))
 
 
 CRASH_INDEX = Measure(

@@ -13,7 +13,7 @@ from cwcli.measures.pair import MetresAtStamps, Pair, RatiosAtStamps
 def host_minimum_stopping_distance_m(pair: Pair) -> MetresAtStamps:
     """Distance (m) in which the host can stop, at each stamp, (n,)."""
     speed = pair.other_in_host_axes.host_speed_mps
-    return pair.expand_to_all_rows(speed**2 / (2.0 * CAR_BRAKING_LIMIT_MPS2))
+    return pair.expand_near_rows_to_all_rows(speed**2 / (2.0 * CAR_BRAKING_LIMIT_MPS2))
 
 
 MSD = Measure(
@@ -37,7 +37,7 @@ def way_to_contact_per_stopping_distance(pair: Pair) -> RatiosAtStamps:
     way_m = pair.evaluate_measure(TTC)[pair.near_rows] * np.abs(pair.other_in_host_axes.host_speed_mps)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = way_m / pair.evaluate_measure(MSD)[pair.near_rows]
-    return pair.expand_to_all_rows(np.where(np.isfinite(share), share, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(np.isfinite(share), share, np.nan))
 
 
 CONTACT_PSD = Measure(
@@ -70,7 +70,7 @@ def gap_after_urgent_braking(pair: Pair) -> MetresAtStamps:
     left_m = (
         at.headway_if_straight_ahead_m + (theirs**2 - own**2) / (2.0 * PICUD_BRAKING_MPS2) - PICUD_REACTION_TIME_S * own
     )
-    return pair.expand_to_all_rows(np.where(at.is_straight_ahead, left_m, np.nan))
+    return pair.expand_near_rows_to_all_rows(np.where(at.is_straight_ahead, left_m, np.nan))
 
 
 PICUD = Measure(

@@ -34,7 +34,7 @@ def latest_start_of_manoeuvre_s(manoeuvre: tuple[AvoidanceCheck, ...], pair: Pai
     if len(rows):
         start, own = EdgeProjections.from_pair(pair).select_rows(rows), pair.other_in_host_axes.host_speed_mps[rows]
         found[rows] = np.fmax.reduce([_bisect_latest_start_s(evades, start, own, ttc[rows]) for evades in manoeuvre])
-    return pair.expand_to_all_rows(found)
+    return pair.expand_near_rows_to_all_rows(found)
 
 
 def _bisect_latest_start_s(

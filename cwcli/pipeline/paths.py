@@ -155,7 +155,7 @@ def _are_logged_paths_among_planned(planned: LazyPaths, logged: PredictedPaths) 
         place = np.searchsorted(planned.stamp_ns[own[name]], logged.stamp_ns[rows])
         if (place == len(own[name])).any() or (planned.stamp_ns[own[name][place]] != logged.stamp_ns[rows]).any():
             return False
-        again, said = planned.plan.take(own[name][place]), logged.paths.take(rows)
+        again, said = planned.plan.paths_of_rows(own[name][place]), logged.paths.paths_of_rows(rows)
         if abs(again.time_s[-1] - said.time_s[-1]) > 1e-6:
             return False
         off_m = np.hypot(again.x_m[:, -1] - said.x_m[:, -1], again.y_m[:, -1] - said.y_m[:, -1])

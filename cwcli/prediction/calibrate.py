@@ -305,7 +305,7 @@ def _squared_outcome_distances_before_scaling(
 ) -> FloatArray:
     """Squared distances of one vehicle's outcomes before any scale, (n, k)."""
     points = indices_of_needed_points(plan.time_s, horizon_knots_of_scales_s(float(plan.time_s[-1])).tolist())
-    planned_paths = plan.take(track.rows, points=points)
+    planned_paths = plan.paths_of_rows(track.rows, points=points)
     return np.asarray(squared_mahalanobis_distances(planned_paths, track.stamp_ns, track.state[:, :2], settings)[0])
 
 

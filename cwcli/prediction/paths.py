@@ -47,7 +47,7 @@ class Paths:
             None if self.core_factor is None else self.core_factor[:, point_indices],
         )
 
-    def take(self, rows: npt.NDArray[np.intp]) -> Paths:
+    def paths_of_rows(self, rows: npt.NDArray[np.intp]) -> Paths:
         """The paths of some starts."""
         return select_table_rows(self, rows, shared=("time_s",))
 

@@ -46,7 +46,7 @@ class PathPlan:
     def __len__(self) -> int:
         return len(self.state)
 
-    def take(self, rows: Rows | slice, *, points: Rows | None = None, has_core: bool = False) -> Paths:
+    def paths_of_rows(self, rows: Rows | slice, *, points: Rows | None = None, has_core: bool = False) -> Paths:
         """Compute the paths of some starts.
 
         Args:
@@ -81,6 +81,6 @@ class SelectedPaths:
     def __len__(self) -> int:
         return len(self.chosen)
 
-    def take(self, rows: Rows) -> Paths:
+    def paths_of_rows(self, rows: Rows) -> Paths:
         """Compute the paths of some of the selected starts."""
-        return self.plan.take(self.chosen[rows])
+        return self.plan.paths_of_rows(self.chosen[rows])

@@ -44,9 +44,9 @@ class TurnEndingPaths:
     def __len__(self) -> int:
         return len(self.selected)
 
-    def take(self, rows: npt.NDArray[np.intp]) -> Paths:
+    def paths_of_rows(self, rows: npt.NDArray[np.intp]) -> Paths:
         """Compute the paths of some of the selected starts."""
-        return end_turns_of_paths_at_quarter_turn(self.selected.take(rows), self.turned_rad[rows])
+        return end_turns_of_paths_at_quarter_turn(self.selected.paths_of_rows(rows), self.turned_rad[rows])
 
 
 def left_turn_on_last_stretch_rad(stamp_ns: Int64Array, log_time_ns: Int64Array, state: FloatArray) -> FloatArray:

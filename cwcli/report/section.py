@@ -261,7 +261,7 @@ def _newest_logged_path(log: Log, topic: str, vehicle: str, at_ns: int, max_age_
     if not len(rows):
         return None
     newest = rows[np.lexsort((rows, predicted.stamp_ns[rows]))[-1:]]
-    path = predicted.paths.take(newest)
+    path = predicted.paths.paths_of_rows(newest)
     return path if len(path.time_s) > 1 and np.isfinite(path.x_m).all() and np.isfinite(path.y_m).all() else None
 
 

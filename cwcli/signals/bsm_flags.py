@@ -59,9 +59,9 @@ _ROS_EXTENSIONS_PREFIX = "part_ii.vehicle_safety_extensions."
 """The path prefix of the vehicle safety extensions in a ROS BSM."""
 ROS_FLAGS_PATH = _ROS_EXTENSIONS_PREFIX + "events.vehicle_event_flag"
 """The path of the flags in a ROS BSM."""
-ROS_PRESENCE_PATH = _ROS_EXTENSIONS_PREFIX + "presence_vector"
+ROS_FIELD_PATH_OF_PRESENCE_BITS = _ROS_EXTENSIONS_PREFIX + "presence_vector"
 """The path of the bits that say which extensions a ROS BSM has."""
-ROS_EVENT_FLAG_PATHS = (ROS_FLAGS_PATH, ROS_PRESENCE_PATH)
+ROS_EVENT_FLAG_PATHS = (ROS_FLAGS_PATH, ROS_FIELD_PATH_OF_PRESENCE_BITS)
 """The leaf fields that hold the event flags of a ROS BSM."""
 EVENTS_PRESENT_BIT = 1
 """The bit of the presence field that says that the extension has event flags."""
@@ -104,7 +104,7 @@ def read_ros_event_flags_and_unreadable(columns: Columns) -> tuple[Int64Array, B
     n = len(columns)
     found = np.zeros(n, np.int64)
     rows, values = _finite_elements_with_rows(columns.fields.get(ROS_FLAGS_PATH), n)
-    has_rows, has = _finite_elements_with_rows(columns.fields.get(ROS_PRESENCE_PATH), n)
+    has_rows, has = _finite_elements_with_rows(columns.fields.get(ROS_FIELD_PATH_OF_PRESENCE_BITS), n)
     is_told = np.bincount(rows, minlength=n) == np.bincount(has_rows, minlength=n)
     is_unread = np.zeros(n, np.bool_)
     is_unread[rows[(values != 0.0) & ~is_told[rows]]] = True

@@ -201,7 +201,7 @@ def y_direction_curvature_of_arcs_at_distance(
         arc_coefficients, x_m, change_1pm2: As for `lateral_positions_of_arcs_m`.
     """
     places_m = lateral_positions_of_arcs_m(arc_coefficients, x_m, change_1pm2)
-    start, rate, growth = _direction_sine_polynomial_coefficients(arc_coefficients, change_1pm2)
+    start, rate, growth = _coefficients_of_direction_sine_over_forward_x(arc_coefficients, change_1pm2)
     ahead = rate + 2.0 * growth * x_m
     sine = start + (rate + growth * x_m) * x_m
     with np.errstate(invalid="ignore"):
@@ -248,11 +248,11 @@ def distance_ahead_to_direction_sine_m(
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         return _first_positive_root_of_sine_or_inf(
-            *_direction_sine_polynomial_coefficients(arc_coefficients, change_1pm2), sine
+            *_coefficients_of_direction_sine_over_forward_x(arc_coefficients, change_1pm2), sine
         )
 
 
-def _direction_sine_polynomial_coefficients(
+def _coefficients_of_direction_sine_over_forward_x(
     arc_coefficients: ArcCoefficients, change_1pm2: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return s_0, K and K' / 2 of each line, shape (...) each: its direction's sine is s_0 + K x + K' x^2 / 2."""

@@ -304,7 +304,7 @@ def _place_paths_in_map_and_count(
         body.observed.track.stamp_ns[rows],
         body.observed.log_time_ns[rows],
         body.model,
-        transform_paths_to_map(body.paths.take(rows), x_m, y_m, poses.at_yaw_rad[rows]),
+        transform_paths_to_map(body.paths.paths_of_rows(rows), x_m, y_m, poses.at_yaw_rad[rows]),
     )
     channel = make_predicted_path_channel(OBSERVER_PATH, predicted, frame_id=poses.frame_id)
     set_aside = {reason: n for reason, n in left_out.items() if n}

@@ -102,7 +102,7 @@ def find_warnings(
     """
     config = config or WarningConfig()
     rule = _require_rule_and_horizon(host, config)
-    time_s = _evaluation_times_s(host, config, rule)
+    time_s = _times_along_predicted_paths_s(host, config, rule)
     others_with_states = [other for other in others if len(other.stamp_ns) and len(host.stamp_ns)]
     pairs = evaluate_pairs(host, others_with_states, rule, config, time_s)
     ids = event_id_by_pair_and_event(pairs)
@@ -154,7 +154,7 @@ def _require_rule_and_horizon(host: VehicleTrack, config: WarningConfig) -> Rule
     return RULES[config.rule]
 
 
-def _evaluation_times_s(host: VehicleTrack, config: WarningConfig, rule: Rule) -> FloatArray:
+def _times_along_predicted_paths_s(host: VehicleTrack, config: WarningConfig, rule: Rule) -> FloatArray:
     """The times along the paths, (q,): the host's steps to the horizon plus the persistence time, and both ends."""
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
     step_s = float(host.paths.time_s[1])

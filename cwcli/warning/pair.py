@@ -116,7 +116,7 @@ def evaluate_pairs(
     windows_of_pairs = [_PairWindows() for _ in others]
     for first in range(0, len(host.stamp_ns), window_rows):
         last = min(first + window_rows, len(host.stamp_ns))
-        own = host.paths.take(np.arange(first, last))
+        own = host.paths.paths_of_rows(np.arange(first, last))
         points = interpolate_paths(own, np.arange(last - first), np.zeros(last - first), time_s)
         for other, pairing, done in zip(others, pairings, windows_of_pairs, strict=True):
             a, b = np.searchsorted(pairing.host_row, [first, last])
@@ -195,7 +195,7 @@ def _evaluate_window(
     """Evaluate one window; the first rows of `at_moments` are those of the window."""
     host, other = window.host, window.other
     chosen, place = np.unique(at_moments[1], return_inverse=True)
-    theirs = other.paths.take(chosen)
+    theirs = other.paths.paths_of_rows(chosen)
     looks_farther = rule.uses_braking_horizon and config.max_horizon_s > config.horizon_s
     span_s = max(float(time_s[-1]), config.max_horizon_s + persistence_s) if looks_farther else float(time_s[-1])
     within = np.flatnonzero(_within_reach_mask(window.paths, theirs, at_moments[0], place, span_s, config))
@@ -215,7 +215,7 @@ def _evaluate_window(
     measures = judge_at_times(measures, pairs)
     onset = None
     if rule.uses_onset and other.onset_paths is not None:
-        begun = other.onset_paths.take(chosen)
+        begun = other.onset_paths.paths_of_rows(chosen)
         onset, _ = _measures_and_short_paths_coarse_then_fine(window.points, begun, near, time_s, config, sizes)
         nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_PATH_ADVANTAGE_M
         nearer &= np.abs(other.state[other_row, SPEED]) > MAX_STANDSTILL_SPEED_MPS

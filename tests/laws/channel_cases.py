@@ -103,7 +103,7 @@ def sorted_like(given: Any, log_time_ns: npt.NDArray[np.int64]) -> Any:
     if isinstance(given, np.ndarray):
         return given[order] if len(given) == len(order) else given
     if isinstance(given, Paths):
-        return given.take(order)
+        return given.paths_of_rows(order)
     if dataclasses.is_dataclass(given) and not isinstance(given, type):
         values = {each.name: getattr(given, each.name) for each in dataclasses.fields(given)}
         return dataclasses.replace(given, **{name: sorted_like(value, log_time_ns) for name, value in values.items()})

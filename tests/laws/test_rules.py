@@ -11,7 +11,7 @@ import numpy.typing as npt
 import pytest
 
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
-from cwcli.warning.evaluate import _evaluation_times_s
+from cwcli.warning.evaluate import _times_along_predicted_paths_s
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
@@ -60,7 +60,7 @@ def judged(name: str, pair: Tracks, config: WarningConfig | None = None) -> Pair
     """What a rule makes of a pair."""
     host, other = pair
     config = replace(config or WarningConfig(), rule=name)
-    time_s = _evaluation_times_s(host, config, RULES[name])
+    time_s = _times_along_predicted_paths_s(host, config, RULES[name])
     return evaluate_pairs(host, [other], RULES[name], config, time_s)[0]
 
 

@@ -37,7 +37,7 @@ def outcome(request: pytest.FixtureRequest) -> tuple[FloatArray, dict[str, Float
 def ends(channels: tuple[OutputChannel, ...]) -> FloatArray:
     """Of all the paths, those that are not published, too, (n, 2)."""
     (channel,) = (each for each in channels if isinstance(each, LazyPathChannel) and each.topic == "/cwcli/ego/path")
-    paths = channel.lazy_paths.plan.take(slice(None))
+    paths = channel.lazy_paths.plan.paths_of_rows(slice(None))
     return np.stack([paths.x_m[:, -1], paths.y_m[:, -1]], axis=1)
 
 

@@ -210,7 +210,7 @@ def _squared(states: VehicleStates, prior: FleetPrior) -> FloatArray:
         PathStarts(states.ids.codes, states.stamp_ns, states.state, states.covariance, states.log_time_ns)
     )
     out = [
-        horizon_errors(paths.take(t.rows), t.stamp_ns, t.stamp_ns, t.state[:, :2], HORIZON_KNOTS_S.tolist())
+        horizon_errors(paths.paths_of_rows(t.rows), t.stamp_ns, t.stamp_ns, t.state[:, :2], HORIZON_KNOTS_S.tolist())
         for t in tracks
         if len(t.rows) > 1
     ]

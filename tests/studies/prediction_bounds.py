@@ -151,11 +151,11 @@ def _errors(model: str, known: Known) -> list[HorizonErrors]:
         model,
         PathStarts(states.ids.codes, states.stamp_ns, states.state, states.covariance, states.log_time_ns),
         settings=RolloutSettings(horizon_s=HORIZONS_S[-1]),
-    ).take(slice(None), has_core=True)
+    ).paths_of_rows(slice(None), has_core=True)
     found = []
     for name, rows in iter_track_rows(states.ids, states.stamp_ns):
         track_ns, track_xy = known.happened.stamp_ns[tracks[name]], known.happened.state[tracks[name], :2]
-        found.append(horizon_errors(paths.take(rows), states.stamp_ns[rows], track_ns, track_xy, HORIZONS_S))
+        found.append(horizon_errors(paths.paths_of_rows(rows), states.stamp_ns[rows], track_ns, track_xy, HORIZONS_S))
     return found
 
 

@@ -8,9 +8,9 @@ from cwcli.control.closed_loop import (
     COLLISION_DISTANCE_M,
     RecordedMotion,
     ReplayedRuns,
-    braking_driver_throttle_and_pressure,
     fuzzy_controller_throttle_and_pressure,
     replay_with_policy,
+    throttle_and_pressure_of_driver_braking_after_warning,
 )
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_and_interval_bounds
@@ -50,7 +50,7 @@ def braking_control_part(name: str, moments: WarningMoments) -> StudyPart:
     jerk = moments.warned_s_by_method["jerk"]
     nothing = replay_with_policy(host, other, np.array([np.inf]), fuzzy_controller_throttle_and_pressure)
     driver = replay_with_policy(
-        host, other, np.where(np.isnan(jerk), np.inf, jerk), braking_driver_throttle_and_pressure
+        host, other, np.where(np.isnan(jerk), np.inf, jerk), throttle_and_pressure_of_driver_braking_after_warning
     )
     figure = FIGURES_BY_SCENARIO[name][0]
     measured = [

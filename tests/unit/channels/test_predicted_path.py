@@ -66,7 +66,7 @@ def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same
         assert [each.ids.values[code] for code in each.ids.codes] == ["7", "8"] * 5
         assert each.paths.time_s.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
         assert each.paths.x_m[1].tolist() == [100.0, 102.0, 104.0, 106.0, 108.0]  # 8 m/s
-        exact = given.plan.take(np.array(rows))
+        exact = given.plan.paths_of_rows(np.array(rows))
         np.testing.assert_allclose(each.paths.position_covariance_m2, exact.position_covariance_m2[:, ::5], rtol=2**-5)
 
 

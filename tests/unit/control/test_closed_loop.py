@@ -7,9 +7,9 @@ from cwcli.control.car import CarResponse, CarState, advance_car
 from cwcli.control.closed_loop import (
     PedalSituation,
     RecordedMotion,
-    braking_driver_throttle_and_pressure,
     fuzzy_controller_throttle_and_pressure,
     replay_with_policy,
+    throttle_and_pressure_of_driver_braking_after_warning,
     time_to_close_gap_s,
 )
 
@@ -83,7 +83,10 @@ def test_fuzzy_controller_stops_before_a_standing_car_when_warned_in_time() -> N
 
 def test_driver_brakes_after_the_reaction_time() -> None:
     outcome = replay_with_policy(
-        straight(15.0, 0.0), straight(0.0, 500.0), np.array([2.0]), braking_driver_throttle_and_pressure
+        straight(15.0, 0.0),
+        straight(0.0, 500.0),
+        np.array([2.0]),
+        throttle_and_pressure_of_driver_braking_after_warning,
     )
     before = outcome.time_s < 3.5 - 1e-9
     assert np.all(outcome.speed_mps[0, before] == 15.0)

@@ -148,7 +148,7 @@ def test_default_begins_with_the_ellipse_of_the_fleet() -> None:
         assert MODELS[name].learns == (name == "auto")
         without_scale = roll_out_paths(name, state, covariance, settings)
         bare = without_scale.position_covariance_m2[:, [0, 10, 20, 50, 100], 0]
-        scaled = plan_vehicle_paths(name, starts, settings).take(slice(None))
+        scaled = plan_vehicle_paths(name, starts, settings).paths_of_rows(slice(None))
         found = scaled.position_covariance_m2[:, [10, 20, 50, 100], 0]
         kept = np.maximum(1.0 - factor, 0.0) * bare[:, :1]  # of the start, where the factor is below 1
         np.testing.assert_allclose(found, factor * bare[:, 1:] + kept)
@@ -177,9 +177,9 @@ def test_vehicles_are_kept_apart_and_rows_may_be_mixed() -> None:
     vehicle = np.tile([0, 1], n)
     both_ns = np.repeat(stamps(n), 2)
     order = np.random.default_rng(4).permutation(2 * n)
-    mixed = plan_vehicle_paths("cv", PathStarts(vehicle[order], both_ns[order], state[order], covariance[order])).take(
-        slice(None)
-    )
+    mixed = plan_vehicle_paths(
+        "cv", PathStarts(vehicle[order], both_ns[order], state[order], covariance[order])
+    ).paths_of_rows(slice(None))
     for one in (0, 1):
         rows = np.flatnonzero(vehicle == one)
         alone = scale_covariance_by_outcomes(
@@ -198,14 +198,14 @@ def test_ellipses_of_a_vehicle_begin_with_what_the_others_showed() -> None:
     stamp_ns = np.concatenate([stamps(n), stamps(n)[-1] + stamps(100) + 1])
     paths = plan_vehicle_paths(
         "auto", PathStarts(vehicle, stamp_ns, state, covariance), settings=RolloutSettings(horizon_s=2.5)
-    ).take(slice(None), has_core=True)
+    ).paths_of_rows(slice(None), has_core=True)
     area = paths.position_covariance_m2[:, -1, 0]
     assert area[n] < 0.5 * area[0]
     cut = plan_vehicle_paths(
         "auto",
         PathStarts(vehicle[:n], stamp_ns[:n], state[:n], covariance[:n]),
         settings=RolloutSettings(horizon_s=2.5),
-    ).take(slice(None), has_core=True)
+    ).paths_of_rows(slice(None), has_core=True)
     np.testing.assert_array_equal(paths.position_covariance_m2[:n], cut.position_covariance_m2)
     assert paths.core_factor is not None and cut.core_factor is not None
     np.testing.assert_array_equal(paths.core_factor[:n], cut.core_factor)
@@ -219,13 +219,13 @@ def test_errors_of_the_models_have_the_ellipses_of_the_published_paths() -> None
     vehicle, stamp_ns = np.arange(n) % 3, stamps(n)
     paths = plan_vehicle_paths(
         "auto", PathStarts(vehicle, stamp_ns, state, covariance), settings=RolloutSettings(horizon_s=2.5)
-    ).take(slice(None), has_core=True)
+    ).paths_of_rows(slice(None), has_core=True)
     starts = PathStarts(vehicle, stamp_ns, state, covariance, stamp_ns)
     acted = measure_acting_time_s(starts)
     begin = initial_log_scale_of_each_row("auto", starts, acted, RolloutSettings(horizon_s=2.5, step_s=0.05))
     rows = np.flatnonzero(vehicle == 1)
     track = stamp_ns[rows], state[rows, :2]
-    published = horizon_errors(paths.take(rows), stamp_ns[rows], *track, [1.0, 2.5])
+    published = horizon_errors(paths.paths_of_rows(rows), stamp_ns[rows], *track, [1.0, 2.5])
     compared = compare_models_at_horizons(
         ["auto"],
         ComparedStarts(stamp_ns[rows], state[rows], covariance[rows], *track, acted[rows], begin[rows]),

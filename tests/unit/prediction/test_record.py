@@ -256,12 +256,12 @@ def test_no_path_or_ellipse_depends_on_what_was_known_later() -> None:
 
     def predicted(rows: npt.NDArray[np.bool_]) -> Paths:
         starts = PathStarts(vehicle[rows], stamp_ns[rows], state[rows], sure(int(rows.sum())), log_time_ns[rows])
-        return plan_vehicle_paths("auto", starts).take(slice(None))
+        return plan_vehicle_paths("auto", starts).paths_of_rows(slice(None))
 
     whole = predicted(np.full(2 * n, True))
     for cut_ns in rng.integers(T0_NS, stamp_ns[-1], size=10):
         kept = log_time_ns < cut_ns
-        part, before = predicted(kept), whole.take(np.flatnonzero(kept))
+        part, before = predicted(kept), whole.paths_of_rows(np.flatnonzero(kept))
         for name in ("x_m", "y_m", "heading_rad", "speed_mps", "position_covariance_m2"):
             np.testing.assert_array_equal(getattr(part, name), getattr(before, name))
 

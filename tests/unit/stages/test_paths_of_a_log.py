@@ -86,9 +86,9 @@ def test_the_size_of_a_window_changes_no_bit(predicted: Log) -> None:
 
 def test_a_path_is_the_same_bits_alone_and_among_others(predicted: Log) -> None:
     paths, _ = replanned_or_logged_paths_and_notes(predicted, REMOTE_PATH.topic, REMOTE_STATE.role)
-    every = paths.select_paths(np.arange(len(paths))).take(np.arange(len(paths)))
+    every = paths.select_paths(np.arange(len(paths))).paths_of_rows(np.arange(len(paths)))
     for rows in (np.array([3]), np.arange(5, 90, 7), np.array([60, 4, 17])):
-        some = paths.select_paths(rows).take(np.arange(len(rows)))
+        some = paths.select_paths(rows).paths_of_rows(np.arange(len(rows)))
         for name in ("x_m", "y_m", "heading_rad", "speed_mps", "position_covariance_m2"):
             assert getattr(some, name).tobytes() == getattr(every, name)[rows].tobytes()
 

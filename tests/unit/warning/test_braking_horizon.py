@@ -86,9 +86,9 @@ def test_a_path_that_turns_is_not_prolonged_straight_on() -> None:
     state[:, 3], state[:, 5] = yaw_rate * time_s, yaw_rate
     state[:, 0], state[:, 1] = 25.0 / yaw_rate * np.sin(state[:, 3]), 25.0 / yaw_rate * (1.0 - np.cos(state[:, 3]))
     paths = roll_out_paths("ctrv", state, None, settings=RolloutSettings())
-    certain = np.full_like(host.paths.take(np.arange(len(state))).position_covariance_m2, 1e-6)
+    certain = np.full_like(host.paths.paths_of_rows(np.arange(len(state))).position_covariance_m2, 1e-6)
     turning = replace(host, state=state, paths=replace(paths, position_covariance_m2=certain))
-    end = turning.paths.take(np.array([0]))
+    end = turning.paths.paths_of_rows(np.array([0]))
     x_m, y_m, heading = end.x_m[0, -1], end.y_m[0, -1], end.heading_rad[0, -1]
     parked = straight("parked", x_m=x_m + 30.0 * math.cos(heading), y_m=y_m + 30.0 * math.sin(heading), speed_mps=0.0)
     short = replace(parked, stamp_ns=parked.stamp_ns[:8], log_time_ns=parked.log_time_ns[:8], state=parked.state[:8])

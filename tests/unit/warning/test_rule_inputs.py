@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.measures import MEASURES
-from cwcli.warning.evaluate import _evaluation_times_s
+from cwcli.warning.evaluate import _times_along_predicted_paths_s
 from cwcli.warning.measures import Measures
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rule_inputs import describe_problem_with_measure_names
@@ -32,7 +32,7 @@ HARD = Rule(summary="needs hard braking", persistence_s=0.0, decide=hard, measur
 
 def found(host: VehicleTrack, other: VehicleTrack, rule: Rule = HARD, window_rows: int = 512) -> PairEvaluation:
     config = WarningConfig()
-    time_s = _evaluation_times_s(host, config, rule)
+    time_s = _times_along_predicted_paths_s(host, config, rule)
     return evaluate_pairs(host, [other], rule, config, time_s, window_rows=window_rows)[0]
 
 
