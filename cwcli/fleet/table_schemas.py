@@ -34,10 +34,14 @@ def unify_schemas(schemas: Sequence[pa.Schema]) -> pa.Schema:
     if len(distinct) == 1:
         return distinct[0]
     names = sorted({name for schema in distinct for name in schema.names})
-    fields = [
-        _unify_fields_or_fall_back_to_text([each.field(name) for each in distinct if name in each.names])
-        for name in names
-    ]
+    fields = []
+    for name in names:
+        own = [each.field(name) for each in distinct if name in each.names]
+        unified = _unify_fields_or_fall_back_to_text(own)
+        if len(own) < len(distinct) and pa.types.is_fixed_size_list(unified.type):
+            # Arrow before 26 does not read its own Parquet files where a list of fixed size is null.
+            unified = unified.with_type(pa.list_(unified.type.value_field))
+        fields.append(unified)
     return pa.schema(fields, metadata=_items_equal_in_all([each.metadata or {} for each in distinct]))
 
 

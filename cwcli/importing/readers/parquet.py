@@ -82,7 +82,7 @@ def _leaf_fields(prefix: str, fields: Any) -> Iterator[tuple[str, Any]]:
 
     for field in fields:
         if pa.types.is_struct(field.type):
-            yield from _leaf_fields(f"{prefix}{field.name}.", field.type.fields)
+            yield from _leaf_fields(f"{prefix}{field.name}.", field.type)
         elif not pa.types.is_nested(field.type):
             yield f"{prefix}{field.name}", field
 

@@ -196,15 +196,15 @@ int32 id
 
 
 def test_every_cut_of_a_message_is_undecodable() -> None:
-    text = "string name\nfloat64[] values\nuint16 last\n"
-    whole = encode("test_msgs/Root", text, {"name": "abc", "values": [1.0, 2.0], "last": 5})
+    text = "string name\nfloat64[] samples\nuint16 last\n"
+    whole = encode("test_msgs/Root", text, {"name": "abc", "samples": [1.0, 2.0], "last": 5})
     decoder = CdrDecoder("test_msgs/Root", text.encode(), None)
     decoder.decode_batch(payloads_of([whole[:cut] for cut in range(len(whole))] + [whole]))
     outcome = decoder.outcome()
     assert outcome.is_ok.tolist() == [False] * len(whole) + [True]
     assert sum(outcome.reasons.values()) == len(whole)
     columns: dict[str, Any] = decoder.build_columns(np.array([len(whole)]))
-    assert columns["values"].values.tolist() == [1.0, 2.0]
+    assert columns["samples"].values.tolist() == [1.0, 2.0]
     assert columns["last"].tolist() == [5]
 
 

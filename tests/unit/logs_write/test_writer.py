@@ -101,8 +101,7 @@ def test_message_indexes_point_at_the_messages(tmp_path: Path) -> None:
         reader = make_reader(stream, validate_crcs=True)
         middle = T0_NS + 1_000_000_000
         found = [
-            m.log_time
-            for _, _, m in reader.iter_messages("/raw", starting_at=middle, ending_before=middle + 50_000_000)
+            m.log_time for _, _, m in reader.iter_messages("/raw", start_time=middle, end_time=middle + 50_000_000)
         ]
     expected = [T0_NS + k * 7_000_000 for k in range(430) if 1000 <= k * 7 < 1050]
     assert found == expected
