@@ -34,7 +34,7 @@ EXAMPLES = (
 MAX_SHOWN_EVENTS = 50
 """Largest number of events that the terminal shows; chosen by hand, the others are in the table and in --json."""
 MIN_COLUMNS_OF_ONE_TABLE = 130
-"""From this width of the terminal on, severity and id of an event stand in the line that says what happened; chosen by
+"""Least width of a terminal, in columns, that shows severity and id of an event in the line of what happened. Chosen by
 hand, so that the sentence keeps half a line."""
 MAX_CLIP_MARGIN_S = 3600.0
 """Largest `--margin`, s; chosen by hand."""
