@@ -113,20 +113,21 @@ def evaluate_pairs(
     """
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
     pairings = [pair_with_newest_state(host, other, config.use, config.max_age_s) for other in others]
+    paired = list(zip(others, pairings, strict=True))
     windows_of_pairs = [_PairWindows() for _ in others]
     for first in range(0, len(host.stamp_ns), window_rows):
         last = min(first + window_rows, len(host.stamp_ns))
         own = host.paths.paths_of_rows(np.arange(first, last))
         points = interpolate_paths(own, np.arange(last - first), np.zeros(last - first), time_s)
-        for other, pairing, done in zip(others, pairings, windows_of_pairs, strict=True):
+        for k, (other, pairing) in enumerate(paired):
             a, b = np.searchsorted(pairing.host_row, [first, last])
-            if a < b or done.is_empty:  # a pair that never meets has one window without rows
+            if a < b or windows_of_pairs[k].is_empty:  # a pair that never meets has one window without rows
                 rows = pairing.host_row[a:b] - first, pairing.other_row[a:b], pairing.age_s[a:b]
                 window = _HostWindow(host, other, own, points, first)
-                done.append(_evaluate_window(window, rows, rule, config, persistence_s, time_s))
+                windows_of_pairs[k].append(_evaluate_window(window, rows, rule, config, persistence_s, time_s))
     evaluations = []
-    for other, pairing in zip(others, pairings, strict=True):
-        joined = windows_of_pairs.pop(0).join()  # so that what is joined is in memory once
+    for other, pairing in paired:
+        joined = windows_of_pairs.pop(0).join()  # the blocks of the pairs are let go one after the other
         evaluations.append(_find_events_of_pair(host, other, pairing, joined, config, persistence_s))
     return tuple(evaluations)
 
@@ -166,6 +167,7 @@ class _PairWindows:
 
     _blocks: list[_WindowEvaluation] = field(default_factory=list)
     _windows: list[_WindowEvaluation] = field(default_factory=list)
+    _n_rows: int = 0
 
     @property
     def is_empty(self) -> bool:
@@ -175,9 +177,11 @@ class _PairWindows:
     def append(self, window: _WindowEvaluation) -> None:
         """Append the evaluations of the next window."""
         self._windows.append(window)
-        if sum(len(each.host_row) for each in self._windows) >= MIN_ROWS_PER_BLOCK:
+        self._n_rows += len(window.host_row)
+        if self._n_rows >= MIN_ROWS_PER_BLOCK:
             self._blocks.append(_join_windows(self._windows))
             self._windows.clear()
+            self._n_rows = 0
 
     def join(self) -> _WindowEvaluation:
         """Return the evaluations of all windows as one."""

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from cwcli.measures import MEASURES
+from cwcli.warning import pair
 from cwcli.warning.evaluate import _times_along_predicted_paths_s
 from cwcli.warning.measures import Measures
-from cwcli.warning.pair import PairEvaluation, evaluate_pairs
+from cwcli.warning.pair import MIN_ROWS_PER_BLOCK, PairEvaluation, evaluate_pairs
 from cwcli.warning.rule_inputs import describe_problem_with_measure_names
 from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import VehicleTrack, WarningConfig
@@ -66,11 +67,15 @@ def everything(measures: Measures, onset: Measures | None, config: WarningConfig
 EVERYTHING = Rule("all", 0.0, everything, measures=OF_A_MOMENT, uses_onset=True)
 
 
-def test_windows_change_nothing() -> None:
+@pytest.mark.parametrize("rows_per_block", [MIN_ROWS_PER_BLOCK, 16])
+def test_windows_change_nothing(monkeypatch: pytest.MonkeyPatch, rows_per_block: int) -> None:
     host = straight("host", speed_mps=12.0, accel_mps2=0.5, duration_s=3.0)
     other = straight("other", x_m=30.0, y_m=-20.0, speed_mps=9.0, heading_rad=1.2, duration_s=3.0, delay_s=0.07)
     other = replace(other, onset_paths=other.paths)
-    whole, parts = found(host, other, EVERYTHING), found(host, other, EVERYTHING, window_rows=7)
+    whole = found(host, other, EVERYTHING)
+    monkeypatch.setattr(pair, "MIN_ROWS_PER_BLOCK", rows_per_block)
+    parts = found(host, other, EVERYTHING, window_rows=7)
+    np.testing.assert_array_equal(whole.stamp_ns, parts.stamp_ns)
     np.testing.assert_array_equal(whole.decision.time_to_event_s, parts.decision.time_to_event_s)
     assert np.ptp(whole.decision.time_to_event_s) > 1.0
 
