@@ -91,7 +91,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give each worker a run of whole files, so that what a file's tests share is made once, not in every worker."""
+    """Give each worker runs of consecutive tests: what a file's tests share is then made once, in most cases."""
     from xdist.scheduler import WorkStealingScheduling
 
     return WorkStealingScheduling(config, log) if config.getoption("dist") == "load" else None

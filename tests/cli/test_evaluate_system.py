@@ -89,7 +89,10 @@ def test_the_other_system_stands_beside_cwcli(drive: Path, tmp_path: Path, capsy
         3.2 + metrics["system.warnings.lead_time_mean_s"]["value"] - metrics["warnings.lead_time_mean_s"]["value"]
     )
     assert run_command_line(["evaluate", str(annotated), option, "--markdown", str(tmp_path / "summary.md")]) == 0
-    assert "| metric | the other system | cwcli | states/reference | samples |" in (tmp_path / "summary.md").read_text()
+    assert (
+        "| metric | the other system | cwcli | states/reference | samples of the other system |"
+        in (tmp_path / "summary.md").read_text()
+    )
     assert "The other system and cwcli" in capsys.readouterr().out
     assert 4.0 < own_raised_s < 5.5  # cwcli warns 0.8 to 2.3 s after the flag
 

@@ -49,4 +49,6 @@ def test_what_python_reads_at_its_start_is_not_asked_of_a_warm_process(warm_proc
     assert warm_process.serves(environment, {})
     assert not warm_process.serves(environment | {"PYTHONHASHSEED": "7"}, {})
     assert not warm_process.serves(environment | {"LC_ALL": "C"}, {})
+    assert not warm_process.serves(environment | {"TZ": "Asia/Tokyo"}, {})
+    assert not warm_process.serves(environment | {"OMP_NUM_THREADS": "2"}, {})
     assert not warm_process.serves(environment, {"stdout": None})

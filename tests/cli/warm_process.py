@@ -25,8 +25,11 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
-AT_START = ("PYTHON", "LC_", "LANG", "MALLOC", "LD_")
-"""Beginnings of the names of variables that a process reads before it runs a line of Python."""
+AT_START = (
+    *("PYTHON", "LC_", "LANG", "MALLOC", "LD_", "TZ", "OMP_", "OPENBLAS_", "MKL_", "ARROW_", "NPY_", "OPENCV_"),
+    *("FORCE_COLOR", "TERMINAL_WIDTH"),
+)
+"""Beginnings of the names of variables that Python or a library reads when it starts."""
 LENGTH = struct.Struct("<q")
 
 
@@ -34,10 +37,14 @@ class WarmProcess:
     """The side of the tests; `also` names modules of other packages that are imported, too."""
 
     def __init__(self, *also: str) -> None:
+        self._also = also
+        self.environment = {name: value for name, value in os.environ.items() if not name.startswith("CWCLI_")}
+        self._start()
+
+    def _start(self) -> None:
         self._channel, far = socket.socketpair()
-        self.environment = dict(os.environ)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.cli.warm_process", str(far.fileno()), *also],
+            [sys.executable, "-m", "tests.cli.warm_process", str(far.fileno()), *self._also],
             cwd=ROOT,
             env=self.environment | {"PYTHONPATH": str(ROOT)},
             pass_fds=[far.fileno()],
@@ -84,10 +91,14 @@ class WarmProcess:
             thread.start()
         self._channel.settimeout(timeout_s)
         try:
-            (code,) = LENGTH.unpack(self._channel.recv(LENGTH.size, socket.MSG_WAITALL))
+            reply = self._channel.recv(LENGTH.size, socket.MSG_WAITALL)
         except TimeoutError:
             os.killpg(self._process.pid, signal.SIGKILL)
-            raise
+            self.close()
+            self._start()  # for the tests that follow
+            raise subprocess.TimeoutExpired(["cwcli", *arguments], timeout_s) from None
+        assert len(reply) == LENGTH.size, "the warm process ended"
+        (code,) = LENGTH.unpack(reply)
         for thread in threads:
             thread.join()
         return subprocess.CompletedProcess(["cwcli", *arguments], code, *caught)
@@ -164,6 +175,8 @@ def run_and_end(source: str) -> None:
         exec(source, {"__name__": "__main__"})
     except SystemExit as left:
         code = left.code
+        if isinstance(code, str):
+            print(code, file=sys.stderr)
     except BaseException:
         sys.excepthook(*sys.exc_info())
         code = 1
