@@ -14,7 +14,6 @@ from __future__ import annotations
 import sqlite3
 from collections import Counter
 from collections.abc import Generator, Iterator
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cwcli.errors import InputError, UsageError, install_hint
@@ -40,8 +39,8 @@ STORED_COLUMN_CODE = 0
 """How `PRAGMA table_xinfo` marks a column that is stored, and neither computed nor hidden."""
 MAX_DEFINITIONS_BYTES = 16_000_000
 """The greatest size of all definitions of a database. Chosen by hand."""
-IDL_COST = 4
-"""How often a character of IDL counts there. Chosen by hand: a megabyte of it takes 0.6 s."""
+BOUND_CHARACTERS_PER_IDL_CHARACTER = 4
+"""A character of IDL counts as four towards that size. Chosen by hand: a megabyte of it takes 0.6 s."""
 
 NEEDED_COLUMNS_BY_TABLE = {
     "topics": {"id", "name", "type", "serialization_format"},
@@ -178,30 +177,36 @@ def _read_topics(database: sqlite3.Connection) -> list[TopicRow]:
     return found
 
 
-def _load_definitions_by_type_and_type_store(database: sqlite3.Connection, name: str) -> tuple[dict[str, bytes], Any]:
+def _load_definitions_by_type_and_type_store(
+    database: sqlite3.Connection, name: str
+) -> tuple[dict[str, bytes | SchemaError], Any]:
     """Return the definitions of the database by type, and a type store of `rosbags` for other types, or None.
 
-    The store holds the types of the latest release, and is there if the database defines nothing.
+    In the place of a definition that is not read is the reason. The store holds the types of the latest release, and is
+    there if the database defines nothing.
 
     Raises:
         UsageError: `rosbags` is needed and is not installed.
         ValueError: The definitions are too long.
     """
-    own: dict[str, bytes] = {}
+    own: dict[str, bytes | SchemaError] = {}
     n_definitions = 0
     n_left = MAX_DEFINITIONS_BYTES
     if _table_column_names(database, "message_definitions") >= DEFINITION_COLUMNS:
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions NOT INDEXED"
         for kind, encoding, text in database.execute(query):
-            n_left -= len(str(text)) * (IDL_COST if encoding == "ros2idl" else 1)
+            n_left -= len(str(text)) * (BOUND_CHARACTERS_PER_IDL_CHARACTER if encoding == "ros2idl" else 1)
             if n_left < 0:
                 raise ValueError(f"its message definitions have more than {MAX_DEFINITIONS_BYTES:,} characters")
             n_definitions += encoding in ("ros2msg", "ros2idl")
             if encoding == "ros2msg":
                 own[str(kind)] = str(text).encode()
             elif encoding == "ros2idl":
-                with suppress(SchemaError):  # its type is then told as one without a definition
-                    own[str(kind)] = ros2msg_text_of_idl(str(kind), str(text)).encode()
+                try:
+                    own[str(kind)] = made = ros2msg_text_of_idl(str(kind), str(text)).encode()
+                    n_left -= len(made)  # short IDL can make a long text
+                except SchemaError as error:
+                    own[str(kind)] = error
     if n_definitions:
         return own, None
     try:

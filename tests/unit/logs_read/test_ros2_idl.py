@@ -74,7 +74,10 @@ def test_fields_are_those_of_the_library() -> None:
 def test_a_definition_that_cannot_be_read_is_counted(tmp_path: Path) -> None:
     with Log.open(database(tmp_path / "a.db3", "union X switch (long) {};")) as log:
         assert log.n_messages == 1
-        assert "message types without a definition (pkg/msg/Outer)" in log.faults.counts_by_reason()
+        reason = "'union' begins no definition of IDL that is read"
+        note = f"message types whose definition in IDL is not read (pkg/msg/Outer: {reason})"
+        assert note in log.faults.counts_by_reason()
+        assert not any("without a definition" in each for each in log.faults.counts_by_reason())
 
 
 def test_hostile_definitions_of_a_database(tmp_path: Path) -> None:
@@ -85,6 +88,65 @@ def test_hostile_definitions_of_a_database(tmp_path: Path) -> None:
         log.columns("/t")
     with pytest.raises(InputError, match="definitions have more than"):
         Log.open(database(tmp_path / "b.db3", WRITTEN + "/" * 5_000_000))
+
+
+@pytest.mark.parametrize("length", ["pkg::msg::N", "msg::N", "N", "::pkg::msg::N", "3"])
+def test_a_length_is_a_number_or_a_constant_in_scope(length: str) -> None:
+    """The constant of another module has the same last name, and comes later."""
+    constants = "module pkg { module msg { const uint32 N = 3; }; }; module other { const uint32 N = 4; };"
+    text = f"{constants} module pkg {{ module msg {{ struct Outer {{ long x[{length}]; }}; }}; }};"
+    assert ros2msg_text_of_idl("pkg/msg/Outer", text) == "int32[3] x\n"
+
+
+def test_the_nearest_type_and_the_global_one() -> None:
+    text = "typedef long A; module pkg { typedef double A; struct Outer { A x; ::A y; }; };"
+    assert ros2msg_text_of_idl("pkg/Outer", text) == "float64 x\nint32 y\n"
+
+
+@pytest.mark.parametrize("length", ["2*N", "A+N", "A N", "1 2", "", "-1", "010", "::", "A::", "B", "E"])
+def test_another_length_is_an_error(length: str) -> None:
+    """An expression, two words, an octal number, and a constant that is out of scope or is an expression."""
+    constants = "const long A = 1; const long N = 2; const long E = 2*N; module b { const long B = 5; };"
+    with pytest.raises(SchemaError):
+        ros2msg_text_of_idl("Outer", f"{constants} struct Outer {{ long x[{length}]; }};")
+
+
+@pytest.mark.parametrize(
+    "twice",
+    ["const long A = {};", "typedef long A[{}];", "struct A {{ long x[{}]; }};"],
+    ids=["const", "typedef", "struct"],
+)
+def test_a_name_with_two_meanings_is_an_error(twice: str) -> None:
+    end = "struct Outer { long x; };"
+    assert ros2msg_text_of_idl("Outer", twice.format(1) * 2 + end) == "int32 x\n"
+    with pytest.raises(SchemaError, match="'A' is defined twice, and not alike"):
+        ros2msg_text_of_idl("Outer", twice.format(1) + twice.format(2) + end)
+
+
+@pytest.mark.parametrize("annotation", ["optional", "bit_bound(8)", "mutable", "appendable", "extensibility(MUTABLE)"])
+def test_an_annotation_that_changes_the_bytes_is_an_error(annotation: str) -> None:
+    """OMG XTypes 1.3: an optional field has a header, a mutable structure a list of ids, a bit bound fewer octets."""
+    name = annotation.split("(", maxsplit=1)[0]
+    for text in (f"@{annotation} struct Outer {{ long x; }};", f"struct Outer {{ @{annotation} long x; }};"):
+        with pytest.raises(SchemaError, match=f"@{name} may change the bytes"):
+            ros2msg_text_of_idl("Outer", text)
+
+
+def test_other_annotations_do_not_change_the_bytes() -> None:
+    text = '@final @verbatim(language="a", text="b") struct Outer { @key @unit(value="m") @default(value=3) long x; };'
+    assert ros2msg_text_of_idl("Outer", text) == "int32 x\n"
+
+
+def test_long_names_do_not_make_a_longer_text() -> None:
+    """Each field names its type in full: few characters of IDL would make gigabytes of `ros2msg`."""
+    for n_modules, n_characters, reason in ((1, 130_000, "characters"), (2, 200, "characters"), (1, 200, "makes more")):
+        name = "m" * n_characters
+        fields = "".join(f"A x{k};" for k in range(15_000))
+        inside = f"struct A {{ long x; }}; struct Outer {{ {fields} }};"
+        text = f"module {name} {{ " * n_modules + inside + " };" * n_modules
+        assert len(text) < MAX_IDL_CHARACTERS
+        with pytest.raises(SchemaError, match=reason):
+            ros2msg_text_of_idl("/".join([name] * n_modules + ["Outer"]), text)
 
 
 @pytest.mark.parametrize(
@@ -101,8 +163,12 @@ def test_hostile_definitions_of_a_database(tmp_path: Path) -> None:
         "struct Outer { long x[A]; };" + "const long A = 1;" * 9_000,
         "struct Outer { long x",
         "struct Outer { " + "x" * MAX_IDL_CHARACTERS,
+        "=" * MAX_IDL_CHARACTERS,
+        ("=" * 1000 + "\n") * (MAX_IDL_CHARACTERS // 1001),
+        'struct "A" { long x; }; struct Outer { long x; };',
+        "struct Outer { long " + "x" * 256 + "; };",
     ],
-    ids=range(11),
+    ids=range(15),
 )
 def test_hostile_idl_is_an_error(text: str) -> None:
     with pytest.raises(SchemaError):
