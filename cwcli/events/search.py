@@ -94,8 +94,7 @@ class FoundEvent:
     @property
     def words(self) -> str:
         """What happened, with the value and its unit, for people."""
-        known = _describe_value(self.value_name, self.moment.value)
-        return self.moment.words or ", ".join(filter(None, (known, self.moment.detail)))
+        return _describe_moment(self.moment, self.value_name)
 
 
 @dataclass(frozen=True)
@@ -156,10 +155,9 @@ def find_events_in_log(
     found: list[FoundEvent] = []
     missing: dict[str, str] = {}
     if query.events is None:
-        value_name = _name_of_reported_quantity(query.node)
         found += [
             _event_from_moment(f"{key}\0{query.text}", name, log, EVENT_NAME_OF_EXPRESSION, each, value_name)
-            for each in _iter_moments_where_true(evidence, query)
+            for each, value_name in _iter_moments_and_value_names_where_true(evidence, query)
         ]
     for event in query.events or ():
         if query.is_all and event == "disagreement" and (other_system is None or not other_system.warning):
@@ -208,6 +206,11 @@ def _describe_value(name: str, value: float) -> str:
     return f"{name.replace('_', ' ').strip()} {format_number(value)} {unit}".strip() if np.isfinite(value) else ""
 
 
+def _describe_moment(moment: Moment, value_name: str) -> str:
+    """Return what happened in a moment, with the value and its unit, for people."""
+    return moment.words or ", ".join(filter(None, (_describe_value(value_name, moment.value), moment.detail)))
+
+
 def _event_from_moment(key: str, name: str, log: Log, event: str, moment: Moment, value_name: str) -> FoundEvent:
     """Return a moment as an event of a log, with its id."""
     text = "\0".join((key, event, str(moment.start_ns), *moment.actors, moment.detail))
@@ -238,11 +241,10 @@ def _iter_comparisons(node: Node) -> Iterator[Comparison]:
         yield from _iter_comparisons(node.inner)
 
 
-def _name_of_reported_quantity(node: Node) -> str:
-    """Return the name of the quantity whose value an expression's events have; "" without one."""
-    first = next(_iter_comparisons(node), None)
-    quantity = next((each for each in first.operands if isinstance(each, Series)), None) if first else None
-    return "" if quantity is None else f"{quantity.function} {quantity.name}".strip()
+def _name_of_first_quantity(comparison: Comparison) -> str:
+    """Return the name of the first quantity in a comparison, with its function."""
+    quantity = next(each for each in comparison.operands if isinstance(each, Series))
+    return f"{quantity.function} {quantity.name}".strip()
 
 
 def _iter_event_names(node: Node) -> Iterator[str]:
@@ -265,13 +267,11 @@ def _reach_of_anchor_ns(node: Near) -> tuple[int, int]:
     return within_ns * (node.relation != "before"), within_ns * (node.relation != "after")
 
 
-def _words_of_moment(event: str, moment: Moment) -> str:
-    """Return what happened in a moment of a named event, for people."""
-    return FoundEvent("", "", event, moment, 0.0, EVENTS[event].value_name).words
+def _iter_moments_and_value_names_where_true(evidence: EventEvidence, query: Query) -> Iterator[tuple[Moment, str]]:
+    """Yield the moments in which an expression holds, for each other vehicle if it is about one.
 
-
-def _iter_moments_where_true(evidence: EventEvidence, query: Query) -> Iterator[Moment]:
-    """Yield the moments in which an expression holds, for each other vehicle if it is about one."""
+    Each comes with the name of its value.
+    """
     for comparison in _iter_comparisons(query.node):
         check_names_and_units(comparison, evidence.log)
     operands = [operand for each in _iter_comparisons(query.node) for operand in each.operands]
@@ -283,12 +283,13 @@ def _iter_moments_where_true(evidence: EventEvidence, query: Query) -> Iterator[
             read_field_times_ns_and_values(evidence, each.name)[0] for each in operands if isinstance(each, Series)
         ]
         evaluation = _Evaluation(evidence, moments, np.unique(np.concatenate(times)), None)
-        yield from evaluation.iter_moments(query.node, ("ego",))
+        yield from evaluation.iter_moments_and_value_names(query.node, ("ego",))
         return
     ids = [other_id for other_id, _ in evidence.iter_pairs()] if about_pairs else [None]
     for other_id in ids:
         actors = (evidence.ego_id,) if other_id is None else (evidence.ego_id, other_id)
-        yield from _Evaluation(evidence, moments, evidence.stamp_ns, other_id).iter_moments(query.node, actors)
+        evaluation = _Evaluation(evidence, moments, evidence.stamp_ns, other_id)
+        yield from evaluation.iter_moments_and_value_names(query.node, actors)
 
 
 class _Evaluation:
@@ -298,11 +299,13 @@ class _Evaluation:
         self, evidence: EventEvidence, moments: dict[str, list[Moment]], grid_ns: Int64Array, other_id: str | None
     ) -> None:
         self._evidence, self._moments, self._grid_ns, self._other_id = evidence, moments, grid_ns, other_id
+        self._masks: dict[Node, BoolArray] = {}
 
-    def iter_moments(self, node: Node, actors: tuple[str, ...]) -> Iterator[Moment]:
-        """Yield the moments in which the expression holds, with the extreme of its first comparison.
+    def iter_moments_and_value_names(self, node: Node, actors: tuple[str, ...]) -> Iterator[tuple[Moment, str]]:
+        """Yield the moments in which the expression holds, and the name of the value of each.
 
-        Vehicles, words and severity are those of the events in it; the severity is that of the first one.
+        Vehicles and words are those of the events that make it hold. Value and severity are those of the first of
+        these events; without one, the extreme of the first comparison that makes it hold.
         """
         spans: list[tuple[int, int]] = []
         for first, last in first_and_last_rows_of_runs(self._mask_where_condition_holds(node)):
@@ -310,37 +313,59 @@ class _Evaluation:
                 spans[-1] = spans[-1][0], last
             else:
                 spans.append((first, last))
-        value_of = next(_iter_comparisons(node), None)
         for first, last in spans:
-            value, severity = np.nan, 1.0
-            if value_of is not None:
-                value, severity = self._extreme_and_severity(value_of, slice(first, last + 1))
-            start_ns, end_ns = int(self._grid_ns[first]), int(self._grid_ns[last])
+            rows = np.zeros(len(self._grid_ns), np.bool_)
+            rows[first : last + 1] = True
+            value, severity, value_name, words = np.nan, 1.0, "", [""]
             events: dict[str, Moment] = {}
-            for name, each in self._iter_moments_behind(node, start_ns, end_ns):
-                if name not in events or each.severity > events[name].severity:
-                    events[name] = each
+            for part, own_rows in self._iter_parts_that_hold(node, rows):
+                if isinstance(part, Comparison):
+                    if not value_name:
+                        value, severity = self._extreme_and_severity(part, own_rows)
+                        value_name = _name_of_first_quantity(part)
+                        words = [_describe_value(value_name, value)]
+                    continue
+                for each in self._moments_with_other(part.name):
+                    happens = own_rows[self._rows_of_moment(each)].any()
+                    if happens and (part.name not in events or each.severity > events[part.name].severity):
+                        events[part.name] = each
+            for name, each in events.items():
+                words.append(f"{name}: {_describe_moment(each, EVENTS[name].value_name)}")
+            if events:
+                name, worst = next(iter(events.items()))
+                value, severity, value_name = worst.value, worst.severity, EVENTS[name].value_name
             others = (actor for each in events.values() for actor in each.actors if actor != "ego")
-            words = [_describe_value(_name_of_reported_quantity(node), value)]
-            words += [f"{name}: {_words_of_moment(name, each)}" for name, each in events.items()]
-            severity = next((each.severity for each in events.values()), severity)
-            known = tuple(dict.fromkeys((*actors, *others)))
-            yield Moment(start_ns, end_ns, known, value, severity, words="; ".join(filter(None, words)))
+            moment = Moment(
+                int(self._grid_ns[first]),
+                int(self._grid_ns[last]),
+                tuple(dict.fromkeys((*actors, *others))),
+                value,
+                severity,
+                words="; ".join(filter(None, words)),
+            )
+            yield moment, value_name
 
-    def _iter_moments_behind(self, node: Node, start_ns: int, end_ns: int) -> Iterator[tuple[str, Moment]]:
-        """Yield name and moment of the events that make an expression hold from a start to an end."""
-        if isinstance(node, EventName):
-            for each in self._moments_with_other(node.name):
-                if each.start_ns <= end_ns and each.end_ns >= start_ns:
-                    yield node.name, each
+    def _iter_parts_that_hold(self, node: Node, rows: BoolArray) -> Iterator[tuple[Comparison | EventName, BoolArray]]:
+        """Yield the events and comparisons that make an expression hold in some rows, and the rows of each, (n,).
+
+        A comparison behind `not` is that of all rows in which the `not` holds; an event behind `not` is none.
+        """
+        rows = rows & self._mask_where_condition_holds(node)
+        if not rows.any():
+            return
+        if isinstance(node, Comparison | EventName):
+            yield node, rows
+        elif isinstance(node, Not):
+            yield from ((each, rows) for each in _iter_comparisons(node.inner))
         elif isinstance(node, AndOr):
             for part in node.parts:
-                yield from self._iter_moments_behind(part, start_ns, end_ns)
-        elif isinstance(node, Lasting | Near):
-            yield from self._iter_moments_behind(node.inner, start_ns, end_ns)
+                yield from self._iter_parts_that_hold(part, rows)
+        else:
+            yield from self._iter_parts_that_hold(node.inner, rows)
             if isinstance(node, Near):
                 back_ns, ahead_ns = _reach_of_anchor_ns(node)
-                yield from self._iter_moments_behind(node.anchor, start_ns - back_ns, end_ns + ahead_ns)
+                in_reach = self._mask_of_rows_near(self._grid_ns[rows], ahead_ns, back_ns)
+                yield from self._iter_parts_that_hold(node.anchor, in_reach)
 
     def _moments_with_other(self, name: str) -> Iterator[Moment]:
         """Yield the moments of an event; if the expression is about another vehicle, those with no other than it."""
@@ -349,7 +374,7 @@ class _Evaluation:
             if self._other_id is None or not others or self._other_id in others:
                 yield each
 
-    def _extreme_and_severity(self, comparison: Comparison, rows: slice) -> tuple[float, float]:
+    def _extreme_and_severity(self, comparison: Comparison, rows: BoolArray) -> tuple[float, float]:
         """Return the value of the first quantity that is farthest beyond its constant, and by how many times."""
         at = next(k for k, operand in enumerate(comparison.operands) if isinstance(operand, Series))
         values = self._operand_values_on_grid(comparison.operands[at])[rows]
@@ -366,6 +391,11 @@ class _Evaluation:
 
     def _mask_where_condition_holds(self, node: Node) -> BoolArray:
         """Return where a condition holds, (n,)."""
+        if node not in self._masks:
+            self._masks[node] = self._evaluate_mask(node)
+        return self._masks[node]
+
+    def _evaluate_mask(self, node: Node) -> BoolArray:
         if isinstance(node, Comparison):
             return self._mask_where_comparison_holds(node)
         if isinstance(node, EventName):
@@ -390,9 +420,12 @@ class _Evaluation:
         """Return where an event happens, with the other vehicle if the expression is about one."""
         holds = np.zeros(len(self._grid_ns), np.bool_)
         for each in self._moments_with_other(name):
-            first = np.searchsorted(self._grid_ns, each.start_ns, side="left")
-            holds[first : np.searchsorted(self._grid_ns, each.end_ns, side="right")] = True
+            holds[self._rows_of_moment(each)] = True
         return holds
+
+    def _rows_of_moment(self, moment: Moment) -> slice:
+        first = np.searchsorted(self._grid_ns, moment.start_ns, side="left")
+        return slice(int(first), int(np.searchsorted(self._grid_ns, moment.end_ns, side="right")))
 
     def _mask_of_long_stretches(self, holds: BoolArray, min_s: float) -> BoolArray:
         """Return the stretches that last long enough."""
@@ -404,10 +437,14 @@ class _Evaluation:
     def _mask_near_anchor(self, node: Near) -> BoolArray:
         """Return where a condition holds and another one holds within a time before, after or around it."""
         anchor_ns = self._grid_ns[self._mask_where_condition_holds(node.anchor)]
-        back_ns, ahead_ns = _reach_of_anchor_ns(node)
-        first = np.searchsorted(anchor_ns, self._grid_ns - back_ns, side="left")
-        last = np.searchsorted(anchor_ns, self._grid_ns + ahead_ns, side="right")
-        return np.asarray(self._mask_where_condition_holds(node.inner) & (last > first))
+        is_near = self._mask_of_rows_near(anchor_ns, *_reach_of_anchor_ns(node))
+        return self._mask_where_condition_holds(node.inner) & is_near
+
+    def _mask_of_rows_near(self, times_ns: Int64Array, back_ns: int, ahead_ns: int) -> BoolArray:
+        """Return the rows for which some of the times lie at most so long before or behind, (n,)."""
+        first = np.searchsorted(times_ns, self._grid_ns - back_ns, side="left")
+        last = np.searchsorted(times_ns, self._grid_ns + ahead_ns, side="right")
+        return np.asarray(last > first)
 
     def _operand_values_on_grid(self, operand: Number | Series) -> FloatArray:
         """Return the values of an operand on the grid, (n,); NaN where it is not known."""

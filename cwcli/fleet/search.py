@@ -18,6 +18,9 @@ from cwcli.text import format_first_names
 
 STDIN_ARGUMENT = "-"
 """Name of standard input."""
+MAX_REASONS_NAMED = 3
+"""Number of reasons that are named where no log could be searched: one that names its file would fill a line a log.
+Chosen by hand."""
 
 
 class SearchedLog(NamedTuple):
@@ -87,16 +90,24 @@ def _logs_of_argument(argument: str) -> Iterator[SearchedLog]:
 
 
 def _combine_errors_of_all_logs(failed: Sequence[tuple[str, CwcliError]]) -> CwcliError:
-    """Return the error of the logs, if it is that of each; else one with all reasons and the hint of the rarest."""
-    names_by_reason: dict[str, list[str]] = {}
+    """Return the error of the logs, if it is that of each; else one with the reasons and the most frequent one's hint.
+
+    Reasons are in order of their number of logs, equal ones in order of the logs.
+    """
+    failures_by_reason: dict[str, list[tuple[str, CwcliError]]] = {}
     for name, error in failed:
-        names_by_reason.setdefault(error.what, []).append(name)
-    if len(names_by_reason) == 1:
-        return failed[0][1]
-    reasons = sorted(names_by_reason, key=lambda reason: len(names_by_reason[reason]))
-    rarest = next(error for _, error in failed if error.what == reasons[0])
-    lines = tuple(f"{reason}: {format_first_names(names_by_reason[reason])}" for reason in reasons)
-    return type(rarest)(f"none of the {len(failed)} logs could be searched", found=lines, hint=rarest.hint)
+        failures_by_reason.setdefault(error.what, []).append((name, error))
+    reasons = sorted(failures_by_reason, key=lambda reason: -len(failures_by_reason[reason]))
+    _, usual = failures_by_reason[reasons[0]][0]
+    if len(reasons) == 1:
+        return usual
+    lines = [
+        f"{reason}: {format_first_names([name for name, _ in failures_by_reason[reason]])}"
+        for reason in reasons[:MAX_REASONS_NAMED]
+    ]
+    if len(reasons) > MAX_REASONS_NAMED:
+        lines.append(f"and {len(reasons) - MAX_REASONS_NAMED} more reasons")
+    return type(usual)(f"none of the {len(failed)} logs could be searched", found=tuple(lines), hint=usual.hint)
 
 
 def find_in_logs(

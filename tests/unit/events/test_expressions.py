@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import VehicleStates, make_vehicle_state_channel
 from cwcli.errors import MissingSignalError, UsageError
+from cwcli.events import EVENTS, search
 from cwcli.events.base import Moment, severity_as_ratio_to_threshold
 from cwcli.events.quantities import trailing_window_values
 from cwcli.events.search import FoundEvent, find_events_in_log, parse_query
@@ -74,6 +76,53 @@ def test_value_is_the_extreme_and_severity_its_ratio(ramp: Path) -> None:
         (found,) = find_events_in_log(log, parse_query("ego.speed_mps > 4.95")).found
     assert found.moment.value == pytest.approx(9.9, abs=0.001)
     assert found.moment.severity == pytest.approx(2.0, abs=0.001)
+
+
+BRAKE = Moment(T0_NS + 4_000_000_000, T0_NS + 6_000_000_000, ("ego",), 11.76, 3.0)
+NEAR_MISS = Moment(T0_NS + 5_000_000_000, T0_NS + 7_000_000_000, ("ego", "leader"), 0.75, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "shown"),
+    [
+        ("(hard-brake and ego.speed_mps > 30) or near-miss", ["near-miss"], ("least_ttc_or_pet_s", 0.75, 2.0)),
+        (
+            "(hard-brake and ego.speed_mps > 5.55) or near-miss",
+            ["ego.speed", "hard-brake", "near-miss"],
+            ("peak_deceleration_mps2", 11.76, 3.0),
+        ),
+        ("(hard-brake or near-miss) and ego.speed_mps > 6.55", ["ego.speed", "near-miss"], ("least_", 0.75, 2.0)),
+        (
+            "ego.speed_mps > 7.05 within 1.5 s after ((hard-brake and ego.speed_mps > 30) or near-miss)",
+            ["ego.speed", "near-miss"],
+            ("least_ttc_or_pet_s", 0.75, 2.0),
+        ),
+        (
+            "ego.speed_mps > 7.05 within 1.5 s after (hard-brake or near-miss)",
+            ["ego.speed", "hard-brake", "near-miss"],
+            ("peak_deceleration_mps2", 11.76, 3.0),
+        ),
+        ("ego.speed_mps > 3.95 and hard-brake", ["ego.speed", "hard-brake"], ("peak_deceleration_mps2", 11.76, 3.0)),
+        ("hard-brake or ego.speed_mps > 50", ["hard-brake"], ("peak_deceleration_mps2", 11.76, 3.0)),
+        ("ego.speed_mps > 6.6 or ego.speed_mps < -5", ["ego.speed"], ("ego.speed_mps", 9.9, 1.5)),
+        ("ego.speed_mps < -5 or ego.speed_mps > 6.6", ["ego.speed"], ("ego.speed_mps", 9.9, 1.5)),
+    ],
+)
+def test_only_what_makes_an_expression_hold_is_named_and_value_and_severity_are_of_one_thing(
+    ramp: Path, monkeypatch: pytest.MonkeyPatch, text: str, names: list[str], shown: tuple[str, float, float]
+) -> None:
+    """The ego brakes from 4 s to 6 s and nearly touches the leader from 5 s to 7 s; its speed is the time."""
+    events = {
+        name: SimpleNamespace(find=lambda evidence, moment=moment: [moment], value_name=EVENTS[name].value_name)
+        for name, moment in (("hard-brake", BRAKE), ("near-miss", NEAR_MISS))
+    }
+    monkeypatch.setattr(search, "EVENTS", events)
+    with Log.open(ramp) as log:
+        (found,) = find_events_in_log(log, parse_query(text)).found
+    assert [name for name in ("ego.speed", "hard-brake", "near-miss") if name in found.words] == names
+    assert ("leader" in found.moment.actors) == ("near-miss" in names)
+    assert found.value_name.startswith(shown[0])
+    assert (found.moment.value, found.moment.severity) == pytest.approx(shown[1:], abs=0.001)
 
 
 @pytest.mark.parametrize(

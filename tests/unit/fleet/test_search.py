@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from cwcli.errors import CwcliError, InputError, MissingSignalError
 from cwcli.events.search import parse_query
 from cwcli.fleet import search
 from cwcli.logs.read.reader import Log
@@ -40,3 +41,25 @@ def test_a_log_that_failed_in_its_run_is_named_and_not_passed_over(monkeypatch: 
         ("bend", "its run left no annotated log of it"),
         ("dip", "its run left no annotated log of it"),
     ]
+
+
+def test_where_no_log_can_be_searched_the_most_frequent_reason_leads_and_few_are_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of eight logs three lack a topic; five errors name their file."""
+    reasons: list[CwcliError] = [InputError(f"no log: {k}", hint="another") for k in range(5)]
+    reasons[2:2] = [MissingSignalError("there is no topic /a", hint="name one") for _ in range(3)]
+
+    def fail(path: str) -> Log:
+        raise reasons[int(path)]
+
+    logs = [search.SearchedLog(f"log{k}", str(k)) for k in range(8)]
+    with pytest.raises(MissingSignalError) as caught:
+        search.find_in_logs(logs, parse_query("all"), fail)
+    assert (caught.value.what, caught.value.hint) == ("none of the 8 logs could be searched", "name one")
+    assert caught.value.found == (
+        "there is no topic /a: log2, log3, log4",
+        "no log: 0: log0",
+        "no log: 1: log1",
+        "and 3 more reasons",
+    )

@@ -13,7 +13,7 @@ import pytest
 from cwcli.errors import InputError
 from cwcli.fleet import tables
 from cwcli.fleet.staged_tables import list_staged_tables, write_staged_tables_file_of_log
-from cwcli.fleet.table_schemas import unify_schemas
+from cwcli.fleet.table_schemas import columns_in_types_of_schema, unify_schemas
 from cwcli.fleet.tables import MergedRows, StagedRows, are_tables_whole, write_tables
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.signals.columns import Strings
@@ -165,3 +165,23 @@ def test_tables_that_were_cut_are_not_whole(tmp_path: Path) -> None:
     path = tmp_path / "metrics.parquet"
     path.write_bytes(path.read_bytes()[:-1])
     assert not are_tables_whole(tmp_path, names)
+
+
+@pytest.mark.parametrize("rows_with_null", [False, True])
+def test_list_of_fixed_size_that_a_log_lacks_or_that_is_null_is_read_again(
+    tmp_path: Path, *, rows_with_null: bool
+) -> None:
+    """Arrow before 26 does not read its own Parquet files where a list of fixed size is null."""
+    pairs = [[1.0, 2.0], None if rows_with_null else [5.0, 6.0], [3.0, 4.0]]
+    with_pairs = pa.table({"n": [0, 1, 2], "pair": pa.array(pairs, pa.list_(pa.float64(), 2))})
+    without = pa.table({"n": [3]})
+    schema = unify_schemas([with_pairs.schema, without.schema])
+    assert schema.field("pair").type == pa.list_(pa.field("element", pa.float64()))
+    joined = pa.concat_tables(
+        pa.table(columns_in_types_of_schema(each, schema), schema=schema) for each in (with_pairs, without)
+    )
+    pq.write_table(joined, tmp_path / "t.parquet")
+    again = pq.read_table(tmp_path / "t.parquet")
+    assert again["pair"].to_pylist() == [*pairs, None]
+    assert again.schema.equals(schema)
+    assert unify_schemas([again.schema, with_pairs.schema]).field("pair").type == schema.field("pair").type
