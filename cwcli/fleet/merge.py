@@ -36,7 +36,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import make_folder
 from cwcli.temporary import TemporaryFile
-from cwcli.text import join_names
+from cwcli.text import join_names, shorten_and_escape
 
 RUN_AGAIN_HINT = "run the shard again with the same command: it continues"
 """Advice on a shard that was killed."""
@@ -44,6 +44,8 @@ SHARD_COPIES_FOLDER = ".merge"
 """Subfolder of the output folder with copies of shards from a store while they are merged; a run never uses it."""
 MANIFEST_KEYS_OF_ALL_SHARDS = ("format", "cwcli", "run_id", "pipeline")
 """Keys of the manifest that all shards share."""
+MAX_VALUE_CHARS = 40
+"""Characters that are shown of a setting that differs; a stage that only one shard has is a page of JSON. Chosen."""
 
 
 class _ShardFolder(NamedTuple):
@@ -197,7 +199,10 @@ def _require_equal_runs(shards: Sequence[_ShardFolder]) -> None:
             if each.manifest[key] != first.manifest[key]:
                 changes = iter_changed_values({key: first.manifest[key]}, {key: each.manifest[key]})
                 name, was, now = next(changes)
-                setting = f": {name.removeprefix(f'{key}.')} is {was or 'not set'} and {now or 'not set'}"
+                was, now = (shorten_and_escape(value, MAX_VALUE_CHARS) or "not set" for value in (was, now))
+                setting = (
+                    f": {was} and {now}" if name == key else f": {name.removeprefix(f'{key}.')} is {was} and {now}"
+                )
                 raise UsageError(
                     f"{first.path} and {each.path} were made by another {what}{setting}",
                     hint="run the shards again with one command and one version",

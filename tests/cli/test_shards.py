@@ -17,6 +17,7 @@ from typing import BinaryIO
 import fsspec
 import pytest
 
+from cwcli import __version__
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BAD_INPUT, EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE, UsageError
 from cwcli.fleet.run import lock_folder
@@ -166,9 +167,36 @@ def spoil_manifest(path: Path, **changes: object) -> None:
         (None, ("whole", "shard1"), EXIT_USAGE, "whole holds all logs of its run, and"),
         (None, ("shard1", "shard1", "shard2"), EXIT_USAGE, "are both shard 1/2"),
         (None, ("shard1", "logs"), EXIT_BAD_INPUT, "the folder holds no run"),
-        ({"cwcli": "0.0.1"}, ("shard1", "shard2"), EXIT_USAGE, 'and "0.0.1"'),
-        ({"pipeline": {"estimate": {"rate": 7}}}, ("shard1", "shard2"), EXIT_USAGE, "another pipeline: "),
-        ({"run_id": "0"}, ("shard1", "shard2"), EXIT_USAGE, "another set of options or version of the tables"),
+        (
+            {"cwcli": "0.0.1"},
+            ("shard1", "shard2"),
+            EXIT_USAGE,
+            f'were made by another version of cwcli: "{__version__}" and "0.0.1" hint: run the shards again',
+        ),
+        (
+            {"pipeline": {"estimate": {"rate": 7}}},
+            ("shard1", "shard2"),
+            EXIT_USAGE,
+            "were made by another pipeline: topic is [] and not set hint: run the shards again",
+        ),
+        (
+            {"pipeline": {"topic": ["x" * 50]}},
+            ("shard1", "shard2"),
+            EXIT_USAGE,
+            f'another pipeline: topic is [] and ["{"x" * 38}... (54 characters) hint: run the shards again',
+        ),
+        (
+            {"pipeline": {}},
+            ("shard1", "shard2"),
+            EXIT_USAGE,
+            "were made by another pipeline: topic is [] and not set hint: run the shards again",
+        ),
+        (
+            {"run_id": "0"},
+            ("shard1", "shard2"),
+            EXIT_USAGE,
+            'another set of options or version of the tables: "RUN_ID" and "0" hint: run the shards again',
+        ),
         (
             {"tables": ["details/none"]},
             ("shard1", "shard2"),
@@ -211,6 +239,7 @@ def test_what_does_not_belong_together_is_refused(
     if spoil is not None:
         spoil_manifest(folder / "shard2" / "manifest.json", **spoil)
     assert merge(folder, *names) == code
+    words = words.replace("RUN_ID", json.loads((runs / "shard1" / "manifest.json").read_text())["run_id"])
     assert words in " ".join(capsys.readouterr().err.split())
     assert not (folder / "merged" / "manifest.json").exists()
 
