@@ -9,6 +9,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from xml.etree import ElementTree
 
+from cwcli.importing.readers.kml import MAX_TIME_CHARACTERS
 from cwcli.importing.tables import SourceTable
 from cwcli.importing.text_file import decode_text_head
 from tests.fuzz.import_oracles import NAN, Row, Tables
@@ -51,7 +52,8 @@ def kml(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
             return None
         for when, place in zip(whens, places, strict=True):
             lon, lat, height = ([number(each) for each in (place.text or "").split()] + [NAN] * 3)[:3]
-            values = {"when": (when.text or "").strip(), "latitude": lat, "longitude": lon, "height": height}
+            time = (when.text or "").strip()[:MAX_TIME_CHARACTERS]
+            values = {"when": time, "latitude": lat, "longitude": lon, "height": height}
             rows.append(tuple(values[name] for name in tables[0].columns))
     return {"": rows}
 

@@ -360,6 +360,25 @@ def test_shards_in_a_store_that_throttles_are_merged_into_what_one_run_writes(
     assert tree(tmp_path / "copy") == tree(run_in_store / "out")
 
 
+@pytest.mark.long
+@pytest.mark.usefixtures("run_in_store")  # which makes the bucket `runs`
+def test_a_thousand_logs_in_eight_shards_in_a_store_equal_one_run(bucket: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "logs").mkdir()
+    for k in range(1000):
+        cut(SAMPLES / "straight.mcap", tmp_path / "logs" / f"d{k:03}.mcap", start_s=0.05 * (k % 300), seconds=2.0)
+    run = ("run", "logs", "--no-annotate", "--stage", "estimate", "-q")
+    assert call_cwcli(bucket, tmp_path, *run, "-d", "whole").returncode == 0
+    shards = [f"s3://runs/thousand/{k}" for k in range(1, 9)]
+    for k, out in enumerate(shards, start=1):
+        done = call_cwcli(bucket, tmp_path, *run, "--shard", f"{k}/8", "-d", out)
+        assert done.returncode == 0, done.stderr
+    done = call_cwcli(bucket, tmp_path, "merge", *shards, "-d", "s3://runs/thousand/whole", "-q")
+    assert done.returncode == 0, done.stderr
+    script = "import fsspec; fsspec.filesystem('s3').get('runs/thousand/whole/', 'copy/', recursive=True)"
+    subprocess.run([sys.executable, "-c", script], check=True, env={**os.environ, **bucket}, cwd=tmp_path, timeout=600)
+    assert tree(tmp_path / "copy") == tree(tmp_path / "whole")
+
+
 def test_a_store_that_throttles_without_end_is_one_line(
     bucket: dict[str, str], run_in_store: Path, tmp_path: Path
 ) -> None:
