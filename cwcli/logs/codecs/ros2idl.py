@@ -17,13 +17,14 @@ from cwcli.logs.codecs.ros2msg import MAX_DIGITS_OF_ARRAY_LENGTH, STRING_TYPE, W
 MAX_IDL_CHARACTERS = 1 << 18
 """The definitions of a type have at most 256 Ki characters. Chosen by hand, as for ROS 1."""
 MAX_ROS2MSG_CHARACTERS = 1 << 20
-"""What is made of them has at most 1 Mi characters. Chosen by hand: ROS's own are shorter than their IDL."""
+"""Greatest length of the `ros2msg` text of one definition, 1 Mi characters. Chosen by hand: ROS's own texts are shorter
+than their IDL."""
 MAX_NAME_CHARACTERS = 255
-"""A name with its modules has at most 255 characters. Chosen by hand: ROS makes names of files of them."""
+"""Greatest length of a name with its modules, 255 characters. Chosen by hand: ROS makes names of files of them."""
 MAX_MODULE_DEPTH = 16
-"""At most 16 modules are inside each other. Chosen by hand: ROS has two or three."""
+"""Greatest number of modules inside each other. Chosen by hand: ROS has two or three."""
 MAX_TYPEDEF_DEPTH = 16
-"""At most 16 names stand for each other, one for the next. Chosen by hand: ROS has two."""
+"""Greatest number of typedefs that lead from one name to a type. Chosen by hand: ROS has two."""
 BYTE_CHANGING_ANNOTATIONS = frozenset({"optional", "bit_bound", "mutable", "appendable", "extensibility"})
 """A type or a field with one of these annotations may have other bytes (OMG XTypes 1.3, section 7.4)."""
 ROS_TYPE_BY_IDL_WORDS = {

@@ -203,8 +203,8 @@ def _load_definitions_by_type_and_type_store(
                 own[str(kind)] = str(text).encode()
             elif encoding == "ros2idl":
                 try:
-                    own[str(kind)] = made = ros2msg_text_of_idl(str(kind), str(text)).encode()
-                    n_left -= len(made)  # short IDL can make a long text
+                    own[str(kind)] = definition = ros2msg_text_of_idl(str(kind), str(text)).encode()
+                    n_left -= len(definition)  # short IDL can make a long text
                 except SchemaError as error:
                     own[str(kind)] = error
     if n_definitions:
