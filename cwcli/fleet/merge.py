@@ -45,7 +45,8 @@ SHARD_COPIES_FOLDER = ".merge"
 MANIFEST_KEYS_OF_ALL_SHARDS = ("format", "cwcli", "run_id", "pipeline")
 """Keys of the manifest that all shards share."""
 MAX_VALUE_CHARS = 40
-"""Characters that are shown of a setting that differs; a stage that only one shard has is a page of JSON. Chosen."""
+"""Greatest number of characters that are shown of a setting that differs: a whole stage would be a page of JSON. Chosen
+by hand."""
 
 
 class _ShardFolder(NamedTuple):

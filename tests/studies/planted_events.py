@@ -33,7 +33,7 @@ QUIET_S = 600.0
 
 @dataclass
 class Counts:
-    """Of one event: drives with it and without, what was found in them, and the errors of start and end (s).
+    """The tally of one event: drives with it and without, what was found in them, errors of start and end (s).
 
     Attributes:
         n_false: Drives in which it was found though nobody planted it, or more often than planted.

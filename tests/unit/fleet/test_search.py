@@ -46,7 +46,7 @@ def test_a_log_that_failed_in_its_run_is_named_and_not_passed_over(monkeypatch: 
 def test_where_no_log_can_be_searched_the_most_frequent_reason_leads_and_few_are_named(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Of eight logs three lack a topic; five errors name their file."""
+    """The reasons of eight logs are named: three lack a topic, and five have an error that names the log."""
     reasons: list[CwcliError] = [InputError(f"no log: {k}", hint="another") for k in range(5)]
     reasons[2:2] = [MissingSignalError("there is no topic /a", hint="name one") for _ in range(3)]
 
