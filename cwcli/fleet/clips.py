@@ -53,7 +53,7 @@ def write_clips(
     targets = {event.key: Path(folder) / clip_file_name(event, log_names[event.log]) for event in found}
     if found:
         make_folder(folder)
-    refuse_unwritable_targets([], list(targets.values()), force=force)
+    refuse_unwritable_targets(list(targets.values()), force=force)
     file_by_event: dict[tuple[str, str], str] = {}
     by_log: dict[str, list[FoundEvent]] = {}
     for event in found:

@@ -250,6 +250,9 @@ def test_one_drive_in_two_folders_keeps_its_clips_and_its_names_apart(
     (clips / Path(events[0]["clip"]).name).unlink()
     assert run_command_line(["find", *arguments[:5]]) != EXIT_DONE
     assert len(list(clips.iterdir())) == 1  # the clip that is there is refused before another is written
+    assert "the file exists" in capsys.readouterr().err
+    assert run_command_line(["find", *arguments, "--force"]) == EXIT_DONE
+    assert len(list(clips.iterdir())) == 2
 
 
 def test_two_expressions_that_begin_together_have_ids_of_their_own(
