@@ -4,12 +4,13 @@ docs/commands.md from the commands, docs/channels.md from the schemas, docs/meas
 docs/digest.md, docs/evaluation.md, docs/find.md, docs/lanes.md, docs/prediction.md, docs/signals.md and
 docs/warning.md, the tables of keys in docs/scenarios.md, of data elements in docs/v2x.md and of bounds in
 docs/estimation.md, the output of `cwcli info` in docs/recordings.md, that of `cwcli run` and the exit codes in
-README.md, the map in CONTRIBUTING.md, and the numbers of the measured pages (`tools.results`). Installed plug-ins of
-other packages are left out: the pages are about cwcli.
+README.md, the map in CONTRIBUTING.md, the stages in schemas/output.schema.json, and the numbers of the measured pages
+(`tools.results`). Installed plug-ins of other packages are left out: the pages are about cwcli.
 """
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from cwcli.errors import EXIT_CODES
 from cwcli.registry import hide_plugins
 
 ROOT = Path(__file__).parents[1]
+OUTPUT_SCHEMA = ROOT / "schemas" / "output.schema.json"
 README_WIDTH = 124
 
 HEADER = """# Commands
@@ -89,6 +91,15 @@ def recordings_page(text: str) -> str:
     return replace_marked_block(text, "info", _session(["info", "sample_logs/intersection.mcap"]))
 
 
+def output_schema(text: str) -> str:
+    """Return schemas/output.schema.json with the names of the stages as they are now."""
+    from cwcli.stages import STAGES
+
+    schema = json.loads(text)
+    schema["$defs"]["run"]["properties"]["command"]["enum"] = [*STAGES, "run"]
+    return f"{json.dumps(schema, indent=2)}\n"
+
+
 def _printed(arguments: list[str]) -> str:
     """Return what a command prints on standard output."""
     import contextlib
@@ -155,6 +166,7 @@ def _pages() -> dict[Path, str]:
         docs / "measures.md": measures_page(),
         ROOT / "README.md": readme(),
         ROOT / "CONTRIBUTING.md": guide_page((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), ROOT),
+        OUTPUT_SCHEMA: output_schema(OUTPUT_SCHEMA.read_text(encoding="utf-8")),
     }
     return {**made, **filled_pages(docs, made)}
 

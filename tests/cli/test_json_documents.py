@@ -14,6 +14,7 @@ from cwcli.cli.app import load_command
 from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.main import run_command_line
 from cwcli.pipeline.json_names import CellWithValues, heading_to_json_name, table_row_to_json
+from cwcli.stages import STAGES
 from tests.cli.conftest import ROOT, SAMPLES
 
 SCHEMA = json.loads((ROOT / "schemas" / "output.schema.json").read_text(encoding="utf-8"))
@@ -36,15 +37,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 VIEW = ["view", "ANNOTATED", "-o", "x.rrd"]
+OTHERS = {"lanes", "observe", "predict-lane", "warn-lane", "track", "warn-targets"}
+"""Stages that need frames or detections; their documents are held to the schema where they are tested."""
 CASES = [
     ["info", INTERSECTION],
     ["info", INTERSECTION, "--doctor"],
     ["info", "ANNOTATED"],
-    ["estimate", INTERSECTION, "-o", "o.mcap"],
-    ["predict", "ANNOTATED", "-o", "o.mcap", "--replace"],
-    ["warn", "ANNOTATED", "-o", "o.mcap", "--replace"],
-    ["measure", "ANNOTATED", "-o", "o.mcap"],
-    ["control", "ANNOTATED", "-o", "o.mcap"],
+    *([stage, "ANNOTATED", "-o", "o.mcap", "--replace"] for stage in STAGES if stage not in OTHERS),
     ["run", INTERSECTION, "-o", "o.mcap"],
     ["run", INTERSECTION, "-d", "out", "--jobs", "1"],
     ["demo", "-d", "d"],
@@ -68,8 +67,6 @@ CASES = [
     ["conform", "--list"],
     ["conform", "etsi-101-539", "--seeds", "1", "--jobs", "1"],
 ]
-OTHERS = {"lanes", "observe", "predict-lane", "warn-lane", "track", "warn-targets"}
-"""Stages that need frames or detections; their documents are held to the schema where they are tested."""
 
 
 @pytest.mark.parametrize(

@@ -27,18 +27,9 @@ ROOT = Path(__file__).parents[2]
 FORBIDDEN = "the input itself"
 
 ARGUMENTS = {
-    "estimate": ["LOG"],
-    "track": ["LOG"],
-    "predict": ["LOG"],
-    "predict-lane": ["LOG"],
-    "warn": ["LOG"],
-    "warn-targets": ["LOG"],
-    "warn-lane": ["LOG"],
-    "control": ["LOG"],
-    "measure": ["LOG"],
+    **{stage: ["LOG"] for stage in STAGES},
     "join": ["LOG", "OTHER"],
     "calibrate": ["LOG"],
-    "lanes": ["LOG"],
     "observe": ["LOG", "--vehicle", "CAR"],
     "run": ["LOG", "--observe-vehicle", "CAR"],
     "evaluate": ["LOG"],

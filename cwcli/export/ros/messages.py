@@ -10,14 +10,14 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from cwcli.channels.published import OWN_TOPIC_PREFIX
+from cwcli.channels.published import OWN_TOPIC_PREFIX, PUBLISHED_CHANNELS
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.errors import DataError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.ros2msg import Definitions, find_message_fields, parse_message_definitions
 from cwcli.logs.encoders.cdr_encoder import encode_cdr
 from cwcli.logs.encoders.column_tree import ColumnError
-from cwcli.logs.encoders.ros_schemas import ros2msg_schema_text
+from cwcli.logs.encoders.ros_schemas import CWCLI_PROTOBUF_PACKAGE, CWCLI_ROS_PACKAGE, ros2msg_schema_text
 from cwcli.signals.columns import (
     Columns,
     FloatArray,
@@ -57,6 +57,8 @@ ROS_LOG_LEVEL_PER_FOXGLOVE_LEVEL = 10
 """Factor from levels of foxglove.Log (1, 2, ...) to those of rcl_interfaces/Log (10, 20, ...)."""
 MAX_FOXGLOVE_LOG_LEVEL = 25
 """Largest level of foxglove.Log whose converted level, ten times as large, still fits into a byte."""
+_OWN_AND_ROS_PREFIX = (f"{CWCLI_PROTOBUF_PACKAGE}.", f"{CWCLI_ROS_PACKAGE}/msg/")
+"""Beginnings of the names of an own message and of its ROS twin, which has the same fields."""
 SERVICE_GPS = 1
 """The value of SERVICE_GPS in sensor_msgs/NavSatStatus."""
 NAVSATFIX_COVARIANCE_TYPES = (0, 1, 2, 3)
@@ -312,20 +314,19 @@ def _copy_quaternion_fields(columns: Columns, path: str) -> dict[str, OutputFiel
 
 
 ROS_CONVERSIONS = {
+    **{
+        each.schema: RosConversion(each.schema.replace(*_OWN_AND_ROS_PREFIX), _copy_fields_of_same_name)
+        for each in PUBLISHED_CHANNELS
+        if each.schema.startswith(_OWN_AND_ROS_PREFIX[0])
+    },
     "cwcli.v1.VehicleState": RosConversion("nav_msgs/msg/Odometry", _odometry_fields_of_states),
     "cwcli.v1.Target": RosConversion("nav_msgs/msg/Odometry", _odometry_fields_of_targets),
     "cwcli.v1.PredictedPath": RosConversion("nav_msgs/msg/Path", _nav_path_fields),
     "cwcli.v1.Warning": RosConversion("diagnostic_msgs/msg/DiagnosticArray", _diagnostics_fields),
-    "cwcli.v1.Measures": RosConversion("cwcli_msgs/msg/Measures", _copy_fields_of_same_name),
-    "cwcli.v1.Lanes": RosConversion("cwcli_msgs/msg/Lanes", _copy_fields_of_same_name),
-    "cwcli.v1.LateralState": RosConversion("cwcli_msgs/msg/LateralState", _copy_fields_of_same_name),
-    "cwcli.v1.ControlStep": RosConversion("cwcli_msgs/msg/ControlStep", _copy_fields_of_same_name),
-    "cwcli.v1.Rejected": RosConversion("cwcli_msgs/msg/Rejected", _copy_fields_of_same_name),
-    "cwcli.v1.RoadEvent": RosConversion("cwcli_msgs/msg/RoadEvent", _copy_fields_of_same_name),
     "foxglove.LocationFix": RosConversion("sensor_msgs/msg/NavSatFix", _nav_sat_fix_fields),
     "foxglove.PoseInFrame": RosConversion("geometry_msgs/msg/PoseStamped", _pose_stamped_fields),
     "foxglove.FrameTransform": RosConversion("tf2_msgs/msg/TFMessage", _transform_fields),
     "foxglove.Log": RosConversion("rcl_interfaces/msg/Log", _rcl_log_fields),
 }
-"""Schema of a channel -> its ROS message. Scenes and image annotations are left out, because they only draw paths,
-targets and lanes, which are converted themselves."""
+"""Schema of a channel -> its ROS message; that of the same name for an own one that is not told here. Scenes and image
+annotations are left out, because they only draw paths, targets and lanes, which are converted themselves."""

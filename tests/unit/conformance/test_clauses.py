@@ -102,6 +102,11 @@ OTHER_NUMBERS: dict[str, dict[str, tuple[tuple[float, ...], str]]] = {
     "un-r157-cut-in": {"subject-speed": ((60,), "km/h")},
 }  # fmt: skip
 """The same for the tolerances (`TOL`), and for numbers as commonly stated: a second copy, which guards the first."""
+SOURCE_PAGES = {
+    ("fmvss-127", "no-impact"): "S7, S8",
+    ("un-r157-cut-in", "no-impact"): "5.2.5.2",
+}
+"""Clause and number -> the page or section of the source, where it is known."""
 
 
 def document(name: str = "nhtsa-fcw") -> dict[str, Any]:
@@ -133,7 +138,7 @@ def test_what_is_not_checked_says_so_and_every_number_is_used(name: str) -> None
 def test_a_page_is_given_where_the_notes_have_one_and_else_it_is_not_known() -> None:
     numbers = {(name, key): number for name in clause_names() for key, number in load_clause(name).numbers.items()}
     found = {place: number.page for place, number in numbers.items() if number.page}
-    assert found == {("fmvss-127", "no-impact"): "S7, S8", ("un-r157-cut-in", "no-impact"): "5.2.5.2"}
+    assert found == SOURCE_PAGES
     assert numbers["nhtsa-fcw", "ttc-stopped"].page_text == "not known"
     assert numbers["nhtsa-fcw", "brake-ramp"].page_text == ""
     rows = {row[0]: row[4] for row in published_numbers_table(load_clause("nhtsa-fcw")).rows}
@@ -142,8 +147,12 @@ def test_a_page_is_given_where_the_notes_have_one_and_else_it_is_not_known() -> 
 
 def test_numbers_are_called_published_only_if_one_was_read_in_its_source() -> None:
     words = {name: load_clause(name).basis_text.removeprefix("numbers ") for name in clause_names()}
-    assert {name for name, text in words.items() if text == "as commonly stated"} == {"iso-17361", "un-r130"}
-    assert {name for name, text in words.items() if text == "chosen here"} == {"j2945-1"}
+    for name, text in words.items():
+        bases = {number["basis"] for number in document(name)["numbers"].values()}
+        assert (text == "as published") is ("read" in bases), name
+        assert (text == "chosen here") is (bases == {"own"}), name
+    assert (words["iso-17361"], words["un-r130"]) == ("as commonly stated",) * 2
+    assert words["j2945-1"] == "chosen here"
     assert "definition of its TTC as commonly stated" in load_clause("nhtsa-fcw").numbers["ttc-decelerating"].source
     assert load_clause("iso-15623").tolerances["gap"].basis == "own", "2 m are of the warning distance in the source"
 
