@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ def built(tmp_path: Path) -> Built:
 
     def build(title: str) -> House:
         recipe = recipes(GUIDE.read_text(encoding="utf-8"))[title]
-        house = House.copied_to(tmp_path)
+        house = replace(House.copied_to(tmp_path), laws=recipe.laws)
         house.follow(recipe)
         touched = house.touched()
         assert touched == {step.path for step in recipe.steps if step.path.startswith("cwcli/")}

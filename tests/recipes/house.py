@@ -1,13 +1,15 @@
 """A copy of the checkout in which a recipe of CONTRIBUTING.md is followed word for word.
 
-A recipe is a section `### A measure: 2 files`. Its steps are blocks of code, each below a line that begins with the
-step's number and the file in backticks: a file that is not there yet is given whole, a change as a `diff`.
+A recipe is a section `### A measure: 2 files`. Its text names its tests, `pytest ...`. Its steps are blocks of code,
+each below a line that begins with the step's number and the file in backticks: a file that is not there yet is given
+whole, a change as a `diff`.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -24,9 +26,8 @@ COPIED = (
     "tools",
     "schemas",
     "docs",
-    "tests/laws",
-    "tests/work.py",
-    "tests/unit",
+    *("tests/laws", "tests/unit", "tests/cli"),
+    *("tests/work.py", "tests/conftest.py", "tests/requirements.py"),
     "README.md",
     "CONTRIBUTING.md",
     "pyproject.toml",
@@ -49,10 +50,11 @@ class Step(NamedTuple):
 
 
 class Recipe(NamedTuple):
-    """A section of the guide: what is added, how many source files that takes, and the steps."""
+    """A section of the guide: what is added, how many source files that takes, pytest's arguments, and the steps."""
 
     title: str
     n_files: int
+    laws: tuple[str, ...]
     steps: tuple[Step, ...]
 
 
@@ -61,7 +63,8 @@ def recipes(text: str) -> dict[str, Recipe]:
     found = {}
     for section in _SECTION.finditer(text):
         steps = tuple(Step(step["path"], step["kind"], step["text"]) for step in _STEP.finditer(section["text"]))
-        found[section["title"]] = Recipe(section["title"], int(section["n"]), steps)
+        (laws,) = re.findall(r"`pytest ([^`]+)`", section["text"].replace("\n", " "))
+        found[section["title"]] = Recipe(section["title"], int(section["n"]), tuple(shlex.split(laws)), steps)
     return found
 
 
@@ -87,9 +90,11 @@ class House:
 
     Attributes:
         folder: Its checkout.
+        laws: What tests the recipe that was followed, as arguments of pytest.
     """
 
     folder: Path
+    laws: tuple[str, ...] = ()
 
     @classmethod
     def copied_to(cls, folder: Path) -> House:
@@ -170,13 +175,13 @@ class House:
         self.python("-m", "ruff", "format", "--check", *files)
         self.python(*LINT)
 
-    def obeys(self, laws: str, name: str) -> None:
-        """Run the laws of one registry, those that are about one entry.
+    def obeys_its_laws(self) -> None:
+        """Run what the recipe names.
 
         Raises:
-            AssertionError: One does not hold, or there is none.
+            AssertionError: A test fails, or there is none.
         """
-        self.python("-m", "pytest", "-q", "-p", "no:cacheprovider", f"tests/laws/{laws}", "-k", name)
+        self.python("-m", "pytest", "-q", "-p", "no:cacheprovider", *self.laws)
 
 
 def _copy(source: str, target: str) -> None:

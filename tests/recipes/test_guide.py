@@ -23,6 +23,8 @@ BOUNDS = {
     "A sensor quantity": 3,
     "A command": 2,
     "A clause of a standard": 2,
+    "A doubt": 2,
+    "An import format": 2,
 }
 """Source files that an addition may touch, a `.proto` with its channel. If it takes more, the house is to be mended."""
 

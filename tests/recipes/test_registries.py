@@ -42,7 +42,7 @@ def test_a_measure_is_a_column_a_conflict_and_a_section_of_the_docs(built: Built
     docs = house.write_docs()
     assert "| `closing` | closing speed of the centres | m/s |" in docs
     assert "## `closing`" in docs
-    house.obeys("test_measures.py", "closing")
+    house.obeys_its_laws()
 
 
 def test_a_rule_warns_and_stands_in_help_and_docs(built: Built) -> None:
@@ -56,7 +56,7 @@ def test_a_rule_warns_and_stands_in_help_and_docs(built: Built) -> None:
     assert line in spaced(house.run("run", "--help"))
     assert 'rule = "nearest"' in house.run("config", CWCLI_WARN_RULE="nearest")
     assert "| `nearest` | paths whose centres pass nearer than --distance | 0.2 s |" in house.write_docs()
-    house.obeys("test_rules.py", "nearest")
+    house.obeys_its_laws()
 
 
 def test_a_motion_model_predicts_is_compared_and_stands_in_help_and_docs(built: Built) -> None:
@@ -73,7 +73,7 @@ def test_a_motion_model_predicts_is_compared_and_stands_in_help_and_docs(built: 
     assert "cv-cya: constant speed, constant yaw acceleration." in spaced(house.run("predict", "--help"))
     assert 'model = "cv-cya"' in house.run("config", CWCLI_PREDICT_MODEL="cv-cya")
     assert "| `cv-cya` | constant speed, constant yaw acceleration |  |  | yes | yes |" in house.write_docs()
-    house.obeys("test_motion_models.py", "cv-cya")
+    house.obeys_its_laws()
 
 
 def test_an_event_is_found_alone_and_in_expressions_and_stands_in_the_docs(built: Built) -> None:
@@ -85,9 +85,7 @@ def test_an_event_is_found_alone_and_in_expressions_and_stands_in_the_docs(built
     assert (
         "| `hard-corner` | the ego corners hard | 4 m/s^2 | chosen | peak_lateral_mps2 | states |" in house.write_docs()
     )
-    house.obeys("test_events.py", "hard-corner")
-    planted = ("tests/unit/events/test_planted_events.py", "-k", "hard-corner or somewhere")
-    house.python("-m", "pytest", "-q", "-p", "no:cacheprovider", *planted)
+    house.obeys_its_laws()
 
 
 def test_a_lane_method_finds_the_lane_and_stands_in_help_and_docs(built: Built) -> None:
@@ -100,16 +98,19 @@ def test_a_lane_method_finds_the_lane_and_stands_in_help_and_docs(built: Built) 
     assert "narrow: as cwcli, on frames of at most 320 columns" in spaced(house.run("lanes", "--help"))
     assert 'method = "narrow"' in house.run("config", CWCLI_LANES_METHOD="narrow")
     assert "| `narrow` | as cwcli, on frames of at most 320 columns |" in house.write_docs()
-    house.obeys("test_lane_methods.py", "narrow")
+    house.obeys_its_laws()
 
 
 def test_a_command_runs_and_stands_in_help_and_docs(built: Built) -> None:
     house = built("A command")
     with Log.open(INTERSECTION) as log:
-        assert house.run("topics", INTERSECTION).split() == [channel.topic for channel in log.channels]
+        topics = [channel.topic for channel in log.channels]
+    assert house.run("topics", INTERSECTION).split() == topics
+    assert house.run("topics", INTERSECTION, "--below", "/gps").split() == [each for each in topics if "/gps" in each]
     assert "topics Print the topics of a log." in spaced(house.run("--help"))
     assert "cwcli topics drive.mcap" in house.run("topics", "--help")
     assert "## cwcli topics\n" in house.write_docs()
+    house.obeys_its_laws()
 
 
 def test_a_clause_is_listed_judged_and_held_to_its_source(built: Built) -> None:
@@ -120,4 +121,24 @@ def test_a_clause_is_listed_judged_and_held_to_its_source(built: Built) -> None:
     assert (clause["outcome"], clause["trials"][0]["required"]) == ("pass", 2)
     # 140 m at 20 m/s: half of the way is left 3.5 s before the contact, and the rule looks 5 s ahead at most
     assert 0.0 < clause["trials"][0]["repetitions"][0]["margin"] < 1.5
-    house.python("-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/unit/conformance", "-k", "house")
+    house.python("-m", "tools.conformance", "house-fcw")
+    assert "| house-fcw | as published | 3 | " in (house.folder / "docs/conformance.md").read_text()
+    house.obeys_its_laws()
+
+
+def test_a_doubt_is_found_and_stands_in_the_docs(built: Built) -> None:
+    house = built("A doubt")
+    assert "| `spin` | a turn that no car makes | 120 degrees/s | chosen: above a spin on ice |" in house.write_docs()
+    house.obeys_its_laws()
+
+
+def test_an_import_format_becomes_a_log(built: Built) -> None:
+    house = built("An import format")
+    head = ["Geolife trajectory", "WGS 84", "Altitude is in Feet", "Reserved 3", "0,2,255,My Track,0,0,2,8421376", "0"]
+    rows = [f"39.98{k},116.3,0,492,{39744.125 + k / 86400:.10f},2008-10-23,03:00:0{k}" for k in range(3)]
+    (house.folder / "drive.plt").write_text("\n".join([*head, *rows]))
+    house.run("import", "drive.plt", "-o", "log.mcap")
+    with Log.open(house.folder / "log.mcap") as log:
+        assert np.asarray(log.columns("/gps/fix").fields["latitude"]).tolist() == [39.98, 39.981, 39.982]
+        assert log.start_ns == 1_224_730_800 * 10**9  # `date -u -d "2008-10-23 03:00" +%s`
+    house.obeys_its_laws()
