@@ -7,9 +7,11 @@ where they do not, only its turn rate about the vertical is used.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import TrackSpans, mean_over_spans, turn_rate_units_per_radps_and_correlation
@@ -18,6 +20,9 @@ from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
+
+ComplexArray = npt.NDArray[np.complex128]
+"""Horizontal vectors as complex numbers: forward and left, or x and y of a level sensor."""
 
 MAX_RELATIVE_GRAVITY_ERROR_OF_UNIT = 0.2
 """Largest relative deviation of the mean acceleration from 9.81 m/s^2 at which a unit is accepted. Chosen by hand; not
@@ -35,6 +40,16 @@ Chosen by hand."""
 MIN_ACCEL_SCATTER_TO_REFUTE_AXES_MPS2 = 0.3
 """Least scatter of accelerations in m/s^2 that must follow speed and course for the axes to be right. Chosen by hand:
 three times the noise of an IMU of phones."""
+MIN_CORRELATION_TO_SHOW_ACCEL_UNIT = 0.7
+"""Least correlation of accelerations with those of the track that shows their unit. Chosen by hand."""
+MAX_LOG_RATIO_OF_ACCEL_UNIT = 0.5
+"""Largest natural logarithm of the ratio of accelerations to those of the track at which a unit is accepted. Chosen by
+hand; g and m/s^2 differ by 2.3."""
+MIN_ADVANTAGE_OF_MIRRORED_AXES = 0.05
+"""Least advantage of the correlation of mirrored accelerations with the way, without turn rates that show the sense.
+Chosen by hand."""
+MIN_SPANS_TO_COMPARE_ACCELERATIONS = 10
+"""Least number of spans of a track whose accelerations are compared with those of a sensor. Chosen by hand."""
 MIN_CORRECTED_MOUNTING_YAW_RAD = 0.44
 """Least angle in rad, 25 degrees, by which an IMU is turned about its vertical for the turn to be corrected. Chosen by
 hand."""
@@ -82,8 +97,10 @@ def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: 
     if columns is None or meaning.questions:
         return None
     values = np.stack([meaning.numbers_in_file_unit(column) for column in columns], axis=1)
+    if accel_or_gyro == "accel" and meaning.table.source.has_accelerations_of_other_sign:
+        values = -values
     if accel_or_gyro == "accel":
-        kind, choice = "acceleration", _choose_accel_unit_or_ask(meaning, columns, values)
+        kind, choice = "acceleration", _choose_accel_unit_or_ask(meaning, columns, values, track)
     else:
         kind, choice = "turn rate", _choose_gyro_unit_or_ask(meaning, columns, values, track)
     if not choice.unit:
@@ -117,7 +134,9 @@ def _choose_axis_columns(meaning: Meaning, name: str) -> list[str] | None:
     return [column for column in chosen if column is not None] if all(chosen) else None
 
 
-def _choose_accel_unit_or_ask(meaning: Meaning, columns: list[str], values: FloatArray) -> UnitChoice:
+def _choose_accel_unit_or_ask(
+    meaning: Meaning, columns: list[str], values: FloatArray, track: TrackSpans | None
+) -> UnitChoice:
     stated = meaning.stated_unit("accel_x", columns[0])
     norm = float(np.nanmedian(np.sqrt((values**2).sum(axis=1))))
     fitting = [
@@ -138,6 +157,13 @@ def _choose_accel_unit_or_ask(meaning: Meaning, columns: list[str], values: Floa
         return stated
     if fitting:
         return UnitChoice(fitting[0], "likely", f"gravity is {norm:.3g} of it")
+    pair = _horizontal_accelerations_of_track_and_sensor_or_none(meaning, values, track)
+    fits = [] if pair is None else [abs(complex_correlation(pair[0], each)) for each in (pair[1], pair[1].conj())]
+    if pair is not None and max(fits) > MIN_CORRELATION_TO_SHOW_ACCEL_UNIT:
+        ratio = float(pair[1].std() / pair[0].std())
+        for each in ("mps2", "g"):
+            if abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["acceleration"][each])) < MAX_LOG_RATIO_OF_ACCEL_UNIT:
+                return UnitChoice(each, "likely", f"{ratio:.3g} of it make 1 m/s^2 between the positions")
     meaning.add_question(
         f"{columns[0]!r} has no unit, and its size ({norm:.3g}) is not that of gravity",
         " ".join(f"--column accel_{axis}='{column}*mps2'" for axis, column in zip("xyz", columns, strict=True))
@@ -181,12 +207,13 @@ def _rotate_into_car_axes_and_store(
         if level is None:
             return
         rotation, knows_forward = level
-        if turn_rate is not None:
-            rotation = _exchange_up_and_down_if_course_disagrees(meaning, rotation, turn_rate, track)
-            if meaning.questions:
-                return
+        rotation, specific_force, turn_rate = _with_signs_of_course(
+            meaning, rotation, (specific_force, turn_rate), track, knows_forward=knows_forward
+        )
+        if meaning.questions:
+            return
         rotation, knows_forward = _turn_rotation_forward_and_tell_if_known(
-            meaning, rotation, (specific_force, turn_rate), track, knows_forward
+            meaning, rotation, specific_force, track, knows_forward
         )
         if not knows_forward and specific_force is not None:
             meaning.notes.append(
@@ -293,39 +320,79 @@ def _rotation_turning_vector_to_z(upward: FloatArray) -> FloatArray:
     return np.asarray(np.eye(3) + skew + skew @ skew / (1.0 + cosine))
 
 
-def _exchange_up_and_down_if_course_disagrees(
-    meaning: Meaning, rotation: FloatArray, turn_rate: FloatArray, track: TrackSpans | None
-) -> FloatArray:
-    """Return the rotation with the vertical turned over where the course turns the other way.
-
-    Phones of one maker report gravity with the other sign: their vertical is known, and not which end is up.
-    """
-    ratio, correlation = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn_rate @ rotation[2])
-    if abs(correlation) > MIN_CORRELATION_TO_SHOW_AXIS:
-        if ratio < 0:
-            meaning.notes.append("the course turns the other way than the axes say: up and down are exchanged")
-            return np.diag([1.0, -1.0, -1.0]) @ rotation
-        return rotation
-    if rotation[2, 2] < 0 and not np.allclose(rotation, np.eye(3)):
-        meaning.add_question(
-            "gravity points up along z, and no turn of the course shows which side of the sensor is up",
-            "--axes x,-z if z is down, --axes x,z if z is up",
-        )
-    return rotation
-
-
-def _turn_rotation_forward_and_tell_if_known(
+def _with_signs_of_course(
     meaning: Meaning,
     rotation: FloatArray,
     measured: tuple[FloatArray | None, FloatArray | None],
     track: TrackSpans | None,
+    *,
     knows_forward: bool,
-) -> tuple[FloatArray, bool]:
-    """Return the rotation turned about the vertical as the changes of speed and course show, and whether they do."""
-    specific_force, _ = measured
-    if specific_force is None or track is None or not track.can_show_units_and_directions:
-        return rotation, knows_forward
-    level = specific_force @ rotation.T
+) -> tuple[FloatArray, FloatArray | None, FloatArray | None]:
+    """Return the rotation, the specific force and the turn rate, with the signs that fit the course.
+
+    Where the course turns the other way than the turn rate, the accelerations have the other sign, as Apple's phones
+    have them, or of the vertical one alone; or the turn rates have. The accelerations along and across the way show
+    which, also where there are no turn rates: only in the first case they are mirrored.
+    """
+    specific_force, turn_rate = measured
+    as_is, mirrored = _correlations_with_way_as_is_and_mirrored(meaning, rotation, specific_force, track)
+    turns = [0.0, 0.0]
+    if turn_rate is not None:
+        turns[:] = turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, turn_rate @ rotation[2])
+    if abs(turns[1]) <= MIN_CORRELATION_TO_SHOW_AXIS:
+        is_mirrored = abs(mirrored) > max(abs(as_is) + MIN_ADVANTAGE_OF_MIRRORED_AXES, MIN_CORRELATION_TO_SHOW_AXIS)
+        if not is_mirrored and turn_rate is not None and rotation[2, 2] < 0 and not np.allclose(rotation, np.eye(3)):
+            meaning.add_question(
+                "gravity points up along z, and no turn of the course shows which side of the sensor is up",
+                "--axes x,-z if z is down, --axes x,z if z is up",
+            )
+    else:
+        is_mirrored = turns[0] < 0 and abs(mirrored) >= abs(as_is)
+    if turns[0] < 0 and not is_mirrored and turn_rate is not None and abs(turns[1]) > MIN_CORRELATION_TO_SHOW_AXIS:
+        meaning.notes.append("the course turns the other way than the turn rates say: their signs are exchanged")
+        return rotation, specific_force, -turn_rate
+    if not is_mirrored:
+        return rotation, specific_force, turn_rate
+    flipped = np.diag([1.0, -1.0, -1.0]) @ rotation
+    meaning.notes.append("the course turns the other way than the axes say: up and down are exchanged")
+    if specific_force is None:
+        return flipped, None, turn_rate
+    if not knows_forward or mirrored.real < 0.0:
+        return flipped, -specific_force, turn_rate
+    upward = rotation[2]
+    has_gravity = np.nanmean(specific_force @ upward) > 0.5 * STANDARD_GRAVITY_MPS2
+    vertical = np.outer(specific_force @ upward, upward) if has_gravity else 0.0
+    return flipped, specific_force - 2.0 * vertical, turn_rate
+
+
+def _correlations_with_way_as_is_and_mirrored(
+    meaning: Meaning, rotation: FloatArray, specific_force: FloatArray | None, track: TrackSpans | None
+) -> tuple[complex, complex]:
+    """Return how the horizontal accelerations fit those of the track, as they are and mirrored; 0 where unknown."""
+    pair = (
+        None
+        if specific_force is None
+        else _horizontal_accelerations_of_track_and_sensor_or_none(meaning, specific_force @ rotation.T, track)
+    )
+    return (0j, 0j) if pair is None else (complex_correlation(*pair), complex_correlation(pair[0], pair[1].conj()))
+
+
+def complex_correlation(first: ComplexArray, second: ComplexArray) -> complex:
+    """Return the correlation of horizontal vectors (n,): its size, and the turn from the second to the first; or 0."""
+    strength = float(np.sqrt((np.abs(first) ** 2).sum() * (np.abs(second) ** 2).sum()))
+    return complex((first * np.conj(second)).sum()) / strength if strength > 0.0 else 0j
+
+
+def _horizontal_accelerations_of_track_and_sensor_or_none(
+    meaning: Meaning, level: FloatArray, track: TrackSpans | None
+) -> tuple[ComplexArray, ComplexArray] | None:
+    """Return the horizontal accelerations that the track shows and those of the sensor, means removed, both (m,).
+
+    Args:
+        level: Specific force (n, 3) with z up.
+    """
+    if track is None or not track.can_show_units_and_directions:
+        return None
     along = _forward_left_accelerations_of_track_or_nan(track)
     middle = track.span_middles_ns
     spans = TrackSpans(middle[:-1], middle[1:], np.ones(len(middle) - 1), np.zeros(len(middle) - 1))
@@ -333,13 +400,29 @@ def _turn_rotation_forward_and_tell_if_known(
         spans, meaning.stamp_ns, level[:, 1]
     )
     use = np.isfinite(along) & np.isfinite(mean_level_accel)
-    if np.count_nonzero(use) < 10:
+    if np.count_nonzero(use) < MIN_SPANS_TO_COMPARE_ACCELERATIONS:
+        return None
+    return along[use] - along[use].mean(), mean_level_accel[use] - mean_level_accel[use].mean()
+
+
+def _turn_rotation_forward_and_tell_if_known(
+    meaning: Meaning,
+    rotation: FloatArray,
+    specific_force: FloatArray | None,
+    track: TrackSpans | None,
+    knows_forward: bool,
+) -> tuple[FloatArray, bool]:
+    """Return the rotation turned about the vertical as the changes of speed and course show, and whether they do."""
+    pair = (
+        None
+        if specific_force is None
+        else _horizontal_accelerations_of_track_and_sensor_or_none(meaning, specific_force @ rotation.T, track)
+    )
+    if pair is None:
         return rotation, knows_forward
-    along, mean_level_accel = along[use] - along[use].mean(), mean_level_accel[use] - mean_level_accel[use].mean()
-    both = complex((along * np.conj(mean_level_accel)).sum())
-    strength = float(np.sqrt((np.abs(along) ** 2).sum() * (np.abs(mean_level_accel) ** 2).sum()))
-    if strength <= 0 or abs(both) < MIN_CORRELATION_TO_SHOW_AXIS * strength:
-        is_shown = min(np.abs(along).std(), np.abs(mean_level_accel).std()) > MIN_ACCEL_SCATTER_TO_REFUTE_AXES_MPS2
+    both = complex_correlation(*pair)
+    if abs(both) < MIN_CORRELATION_TO_SHOW_AXIS:
+        is_shown = min(pair[0].std(), pair[1].std()) > MIN_ACCEL_SCATTER_TO_REFUTE_AXES_MPS2
         return rotation, knows_forward and not is_shown
     angle = float(np.angle(both))
     if knows_forward and abs(angle) < MIN_CORRECTED_MOUNTING_YAW_RAD:
@@ -347,12 +430,12 @@ def _turn_rotation_forward_and_tell_if_known(
     turned = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
     meaning.notes.append(
         f"inertial axes are turned by {np.degrees(angle):.0f} deg about the vertical, "
-        f"as speed and course show (correlation {abs(both) / strength:.2f})"
+        f"as speed and course show (correlation {abs(both):.2f})"
     )
     return turned @ rotation, True
 
 
-def _forward_left_accelerations_of_track_or_nan(track: TrackSpans) -> np.ndarray[tuple[int], np.dtype[np.complex128]]:
+def _forward_left_accelerations_of_track_or_nan(track: TrackSpans) -> ComplexArray:
     """Return acceleration forward (real) and to the left (imaginary) between neighbouring spans, NaN elsewhere."""
     speed, course = track.speed_mps, track.course_rad
     step_s = np.diff(track.span_middles_ns) / NS_PER_S

@@ -34,6 +34,7 @@ from cwcli.importing.times import (
     parse_text_times,
     times_of_day_from_digits,
 )
+from cwcli.importing.units import find_unit
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.text import format_count
@@ -44,6 +45,8 @@ EPOCH_WORDS = frozenset(
     "time timestamp unix epoch posix stamp utc gentime received created ts s sec ms us ns".split()  # noqa: SIM905
 )
 """Words of which a column of numbers since 1970 has one, beside any others, in a table that names no time."""
+PART_OF_SECOND_BY_UNIT = {"ms": "millisecond", "us": "microsecond", "ns": "nanosecond"}
+"""Unit of a column of parts of a second -> its quantity."""
 MAX_NON_NUMBER_CELL_SHARE = 0.05
 """Largest share of cells without a number in a column of numbers; a column with more is none. Chosen by hand."""
 SENTINELS = frozenset(
@@ -113,7 +116,31 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
         if fixed and len(fixed) < len(columns):
             found[quantity] = fixed
     _drop_incomplete_axes(found)
+    _drop_theta_that_is_a_pitch(table, found)
+    _add_parts_of_seconds(table, found)
     return {quantity: columns for quantity, columns in found.items() if columns}
+
+
+def _drop_theta_that_is_a_pitch(table: SourceTable, by_quantity: dict[str, list[str]]) -> None:
+    """Leave out a heading called theta beside another one or a phi: it is one of Euler's angles, a pitch."""
+    has_phi = any("phi" in split_name(column).words for column in table.columns)
+    others = [column for column in by_quantity.get("heading", ()) if "theta" not in split_name(column).words]
+    if others or has_phi:
+        by_quantity["heading"] = others
+
+
+def _add_parts_of_seconds(table: SourceTable, by_quantity: dict[str, list[str]]) -> None:
+    """Add the columns of parts of a second whose names differ from that of a column of seconds by the unit alone.
+
+    `tv_sec` and `tv_usec`.
+    """
+    named = {column: split_name(column) for column in table.columns}
+    words_of_seconds = {each.words for each in named.values() if find_unit(each.unit_text, "time") == "s"}
+    for column, each in named.items():
+        part = PART_OF_SECOND_BY_UNIT.get(find_unit(each.unit_text, "time"))
+        is_known = any(column in columns for columns in by_quantity.values())
+        if part is not None and each.words in words_of_seconds and not is_known:
+            by_quantity.setdefault(part, []).append(column)
 
 
 def _drop_incomplete_axes(by_quantity: dict[str, list[str]]) -> None:
@@ -147,7 +174,11 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         table = with_columns_of_position_pairs(table)
         candidates = candidate_columns_by_quantity(table, answers)
     if candidates and "time" not in candidates and "date" not in candidates:
-        candidates |= _date_columns_as_times_by_quantity(table) or _epoch_columns_as_times_by_quantity(table)
+        candidates |= (
+            _date_columns_as_times_by_quantity(table)
+            or _epoch_columns_as_times_by_quantity(table)
+            or ({} if "minute" in candidates or "second" not in candidates else {"time": candidates.pop("second")})
+        )
     columns_to_load = list(dict.fromkeys(column for columns in candidates.values() for column in columns))
     loaded = LoadedTable(table, candidates, unused=tuple(name for name in table.columns if name not in columns_to_load))
     if not columns_to_load:

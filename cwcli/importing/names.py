@@ -37,18 +37,20 @@ _RECEIVER_WORDS = (
     "gps gnss ins nav pvt fix receiver raw wgs84 location position pos geo point coord coordinate current my ubx osd"
 )
 _CAR_WORDS = (
-    "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu"
+    "vehicle veh car ego own obd can host actual measured value signal val current display displayed esp abs ecu "
+    "motion dynamics chassis"
 )
 _WORDS_BESIDE_TIME = (
     "gps gnss utc gmt unix epoch system sys sensor local iso iso8601 since start from log recorder record recorded ros "
     "header device phone rel relative abs absolute posix measurement sample fix elapsed of the in wall realtime date "
-    "fly flight osd marca de step frame"
+    "fly flight osd marca de step frame today boot midnight uptime"
 )
-_WORDS_BESIDE_PLACE = "pos position local map utm enu global world vehicle veh ego car"
-_AXIS_NOUNS_OF_ACCEL = "gforce acceleration accelerometer accel acc accelerations"
-_AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega"
+_WORDS_BESIDE_PLACE = "pos position translation local map utm enu global world vehicle veh ego car"
+_AXIS_NOUNS_OF_ACCEL = "gforce gsensor acceleration accelerometer accel acc accelerations"
+_AXIS_NOUNS_OF_GYRO = "gyro gyroscope gyr gyros omega angvel angrate angularrate angularvelocity"
 _WORDS_BESIDE_IMU = (
-    "imu linear raw uncal calibrated body sensor rotation rate angular velocity vel total with g specific force user"
+    "imu linear raw uncal calibrated body sensor motion rotation rate angular velocity vel total with g specific "
+    "force user"
 )
 
 QUANTITIES: dict[str, Quantity] = {
@@ -56,7 +58,7 @@ QUANTITIES: dict[str, Quantity] = {
         "time",
         (
             "time times timestamp timestamps tst timestep stamp t datetime epoch clock zeit zeitstempel tijd "
-            "tijdstip tijdstempel temps horodatage heure tiempo hora ora tempo tid tidpunkt czas ts timeofday "
+            "tijdstip tijdstempel temps horodatage heure tiempo hora ora tempo tid tidpunkt czas время ts timeofday "
             "uhrzeit utc tow itow towms sow elapsed seconds nanos millis"
         ),
         _WORDS_BESIDE_TIME,
@@ -66,18 +68,18 @@ QUANTITIES: dict[str, Quantity] = {
     "week": _quantity_from_words("number", "week wn wnc gpsweek weekno", "gps gnss number no num"),
     "latitude": _quantity_from_words(
         "place",
-        "latitude lat latitud latitudine breite breitengrad breedtegraad bredde breddegrad",
+        "latitude lat latitud latitudine breite breitengrad breedtegraad bredde breddegrad szerokość szerokosc широта",
         _RECEIVER_WORDS,
-        "n s ns",
+        "n s ns est estimated",
     ),
     "longitude": _quantity_from_words(
         "place",
         (
             "longitude longtitude lon lng long longitud longitudine länge laenge längengrad laengengrad lengtegraad "
-            "længde længdegrad lengdegrad"
+            "længde længdegrad lengdegrad długość dlugosc долгота"
         ),
         _RECEIVER_WORDS,
-        "e w ew",
+        "e w ew est estimated",
     ),
     "latitude_half": _quantity_from_words("text", "ns latdir lathem", _RECEIVER_WORDS, "indicator hemisphere"),
     "longitude_half": _quantity_from_words("text", "ew londir lonhem longdir", _RECEIVER_WORDS, "indicator hemisphere"),
@@ -85,13 +87,13 @@ QUANTITIES: dict[str, Quantity] = {
         "length",
         "altitude alt height elevation ele hmsl höhe hoehe hoogte altura altitud altitudine quota hauteur",
         _RECEIVER_WORDS,
-        "msl above sea level ellipsoid ellipsoidal wgs hae mean asl amsl ü über nn nhn normalnull",
+        "est estimated msl above sea level ellipsoid ellipsoidal wgs hae mean asl amsl ü über nn nhn normalnull",
     ),
     "speed": _quantity_from_words(
         "speed",
         (
             "speed velocity vel spd v sog gspeed groundspeed geschwindigkeit vitesse velocidad velocidade velocità "
-            "velocita snelheid hastighet hastighed prędkość rychlost"
+            "velocita snelheid hastighet hastighed prędkość predkosc rychlost скорость"
         ),
         _RECEIVER_WORDS,
         _CAR_WORDS,
@@ -101,13 +103,13 @@ QUANTITIES: dict[str, Quantity] = {
     "velocity_north": _quantity_from_words("speed", "veln vn vnorth", _RECEIVER_WORDS),
     "course": _quantity_from_words(
         "angle",
-        "course cog bearing headmot direction richtung kurs cmg cap rumbo rumo koers direzione rotta dirección",
+        "course cog bearing headmot direction richtung kurs cmg crs cap rumbo rumo koers direzione rotta dirección",
         _RECEIVER_WORDS,
         "over ground track true motion of",
     ),
     "heading": _quantity_from_words(
         "angle",
-        "heading hdg yaw azimuth psi headveh",
+        "heading hdg yaw azimuth psi theta headveh",
         _RECEIVER_WORDS,
         _CAR_WORDS,
         "true angle compass orientation north attitude of motion euler ins imu",
@@ -142,6 +144,7 @@ QUANTITIES: dict[str, Quantity] = {
             "minute": "minute minutes min mm",
             "second": "second seconds sec secs ss sekunde",
             "millisecond": "millisecond milliseconds millisekunde ms",
+            "microsecond": "microsecond microseconds mikrosekunde micro micros usec usecs",
             "nanosecond": "nano nanosecond",
         }.items()
     },
@@ -156,8 +159,12 @@ _PAIRS_BY_WORD = {
     "yawrate": "yaw rate, yaw velocity, yaw rt",
     "steeringwheel": "steering wheel",
     "gyro": "rotation rate, angular velocity, angular rate, ang vel, ang rate",
-    "veln": "vel n, velocity north, north velocity, vel north, v north, v n",
-    "vele": "vel e, velocity east, east velocity, vel east, v east, v e",
+    "nedvel": "ned vel, vel ned",
+    "enuvel": "enu vel, vel enu",
+    "veln": "vel n, velocity north, north velocity, vel north, v north, v n, nedvel x, nedvel n, enuvel y, enuvel n",
+    "vele": "vel e, velocity east, east velocity, vel east, v east, v e, nedvel y, nedvel e, enuvel x, enuvel e",
+    "crs": "g crs",
+    **{f"q{axis}": f"quat {axis}, quaternion {axis}, orientation {axis}" for axis in "xyzw"},
     "latdir": "lat dir",
     "londir": "lon dir",
     "ns": "n s",
@@ -167,8 +174,8 @@ _PAIRS_BY_WORD = {
     "headveh": "head veh",
     "itow": "i tow",
     "wnc": "w nc",
-    "hmsl": "h msl",
-    "gspeed": "g speed",
+    "hmsl": "h msl, h ell",
+    "gspeed": "g speed, g vel",
     "groundspeed": "ground speed",
     "time": "sensor time",
     "gforce": "g force",
@@ -197,6 +204,8 @@ _PATH_WORDS = frozenset(
     }
 )
 """Words of the folders of a topic (`/vehicle/velocity_report/speed`) that say nothing against its last name."""
+_WORDS_BEHIND_UNIT_OF_TIME = frozenset({"today", "since", "boot", "start", "elapsed", "midnight", "uptime"})
+"""Words behind a unit of time that make a name one of a time: `ms_today`, `us since boot`."""
 _SPEED_NAMES = frozenset({"mph", "kmh", "kph", "kmph", "knots", "kts"})
 """Units that are the whole name of a column of speeds."""
 MAX_READ_COLUMN_NAME_CHARACTERS = 500
@@ -251,6 +260,8 @@ def split_name(name: str) -> NamedColumn:
         words, unit = (
             ([*words, *re.split(r"(?:\W|_)+", unit.lower())], more) if more or len(unit) > 1 else (words, unit)
         )
+    if not unit and len(words) > 1 and find_unit(words[0], "time") and set(words[1:]) <= _WORDS_BEHIND_UNIT_OF_TIME:
+        words, unit = ["time", *words[1:]], words[0]
     joined: list[str] = []
     for word in [part for each in words for part in _word_without_number_at_end(each)]:
         pair = (joined[-1], word) if joined else ("", "")

@@ -277,6 +277,8 @@ def _ask_if_degrees_or_radians(
 
 def _find_altitude(meaning: Meaning) -> None:
     columns = meaning.candidate_columns("altitude")
+    if any(meaning.words_of_column(name)[-1:] == ("width",) for name in meaning.table.source.columns):
+        columns = [name for name in columns if "height" not in meaning.words_of_column(name)]  # of a picture or a box
     if not columns:
         return
     column = columns[0]
@@ -332,7 +334,11 @@ def _ask_if_grid(meaning: Meaning, x: str, y: str) -> bool:
     """Ask for the zone where x and y count from the origin of a grid, and nobody said that they may stay so."""
     if meaning.stated_unit("x", x).confidence == "given":
         return False
-    sizes = [float(np.nanmedian(np.abs(meaning.numbers_in_file_unit(column)))) for column in (x, y)]
+    sizes = [
+        float(np.nanmedian(np.abs(meaning.numbers_in_file_unit(column))))
+        * FACTOR_BY_KIND_AND_UNIT["length"].get(meaning.stated_unit(axis, column).unit, 1.0)
+        for axis, column in (("x", x), ("y", y))
+    ]
     if max(sizes) < MIN_GRID_COORDINATE_M:
         return False
     if meaning.table.source.presets:

@@ -32,7 +32,7 @@ MIN_SPEED_RATIO_SPREAD_OF_SWAPPED_POSITIONS, MAX_SPREAD_SHARE_AFTER_SWAP = 0.02,
 that show a swap. Chosen by hand; not fitted."""
 MAX_ANGLE_WITHOUT_FULL_TURNS_DEG = 361.0
 """Greatest size of an angle in degrees that does not count full turns. Larger ones count turns, or are hundredths of a
-degree, as MAVLink has them."""
+degree, as MAVLink has them, or hundred thousandths, as u-blox."""
 MAX_MEDIAN_ANGLE_OF_FITTING_HEADING_DEG, MIN_MEDIAN_ANGLE_OF_UNFIT_HEADING_DEG = 12.0, 25.0
 """Median angles in degrees between a heading and the direction of motion: below the first its sense fits, above the
 second it does not. Chosen by hand."""
@@ -211,7 +211,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
     if unit:
         units = [unit]
     elif size > 2.0 * math.pi + 0.01:
-        units = ["deg"] if size <= MAX_ANGLE_WITHOUT_FULL_TURNS_DEG else ["deg", "cdeg"]
+        units = ["deg"] if size <= MAX_ANGLE_WITHOUT_FULL_TURNS_DEG else ["deg", "cdeg", "e5deg"]
         why = "beyond 2 pi"
     else:
         units = ["deg", "rad"]
@@ -244,13 +244,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
             "a heading is usually clockwise from north; no motion in the positions shows it",
         )
     elif chosen is None:
-        what = (
-            f"{column!r} fits no usual sense of a {quantity}"
-            if fits
-            else f"{column!r}: unit or sense of the angle is not known"
-        )
-        choices = " or ".join(f"--column {quantity}='{column}*{each}'" for each in options[:3])
-        meaning.add_question(what, f"{choices}; --column {quantity}= leaves it out")
+        _leave_out_unfit_heading_or_ask(meaning, quantity, column, options, fits_none=bool(fits))
     else:
         assert track is not None  # it shows what fits
         may_be_swapped = bool(default) and chosen != default
@@ -267,6 +261,22 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
             "likely",
             f"{fits[chosen]:.1f} degrees from the way between the positions",
         )
+
+
+def _leave_out_unfit_heading_or_ask(
+    meaning: Meaning, quantity: str, column: str, options: list[str], *, fits_none: bool
+) -> None:
+    """Ask about an angle of unknown unit or sense; a yaw that fits none, beside a course, is left out."""
+    if fits_none and "course" in meaning.values and not set(meaning.words_of_column(column)) & COMPASS_WORDS:
+        meaning.notes.append(f"{column!r} is left out: it fits no usual sense of a {quantity}, and there is a course")
+        return
+    what = (
+        f"{column!r} fits no usual sense of a {quantity}"
+        if fits_none
+        else f"{column!r}: unit or sense of the angle is not known"
+    )
+    choices = " or ".join(f"--column {quantity}='{column}*{each}'" for each in options[:3])
+    meaning.add_question(what, f"{choices}; --column {quantity}= leaves it out")
 
 
 def _stands_for_no_angle(value: float, track: TrackSpans | None) -> bool:

@@ -61,7 +61,7 @@ WORDS_OF_TIME_SINCE_1970 = frozenset(
 """Words in a column's name that say that its seconds count from 1970, not from the GPS epoch."""
 DATE_PART_QUANTITIES = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
-NS_BY_SECOND_PART_QUANTITY = {"millisecond": 1_000_000, "nanosecond": 1}
+NS_BY_SECOND_PART_QUANTITY = {"millisecond": 1_000_000, "microsecond": 1000, "nanosecond": 1}
 """Quantity of a column of parts of a second beside them -> its unit in ns."""
 DATE_ORDER_REASONS = {"ymd": "", "dmy": "day before month", "mdy": "month before day"}
 """Order of a date -> what is said about it."""
@@ -420,6 +420,8 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     if rest is not None:
         stamp_ns = stamp_ns + table.instants[rest].to_ns("ns")
         guess = replace(guess, why=f"{guess.why}, with the nanoseconds in {rest!r}")
+    elif base.unit == "s" and not instants.fraction.any():
+        stamp_ns, guess = _with_part_of_second_of_other_column(table, stamp_ns, guess)
     if base.since == "2001":
         stamp_ns = stamp_ns + APPLE_EPOCH_S * NS_PER_S
     if base.since in {"1970", "2001"}:
@@ -447,6 +449,21 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     guess = Guess("time", column, base.unit, base.confidence, f"{base.why}; {why}")
     stamps = np.minimum(stamp_ns, MAX_STAMP_NS + 1 - start_ns) + start_ns
     return TimeCandidate(column, "start" if not start_ns else "1970", stamps, instants.valid, guess)
+
+
+def _with_part_of_second_of_other_column(
+    table: LoadedTable, stamp_ns: Int64Array, guess: Guess
+) -> tuple[Int64Array, Guess]:
+    """Return stamps of whole seconds with a column of parts of a second, if they then advance from row to row."""
+    for part, unit_ns in NS_BY_SECOND_PART_QUANTITY.items():
+        for name in table.candidates.get(part, ()):
+            ns = np.rint(np.nan_to_num(table.numbers.get(name, np.zeros(0))) * unit_ns)
+            if not ns.any() or ns.min() < 0 or ns.max() >= NS_PER_S:
+                continue
+            both = stamp_ns + ns.astype(np.int64)
+            if (np.diff(both) > 0).mean() > 1.0 - MAX_SHARE_OF_REPEATED_STAMPS > (np.diff(stamp_ns) > 0).mean():
+                return both, replace(guess, why=f"{guess.why}, with the {part}s in {name!r}")
+    return stamp_ns, guess
 
 
 def _nanosecond_column_of_second_column(table: LoadedTable, column: str) -> str | None:

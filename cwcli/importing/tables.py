@@ -41,6 +41,7 @@ class SourceTable:
         units: Column -> unit text that the file gives outside the column's name, e.g. in a line of units.
         is_device_frame: The inertial axes are those of a phone, which lies in the car in any direction.
         attitude_is_of_device: Angles and quaternions are of the device, not of the car.
+        has_accelerations_of_other_sign: At rest, the accelerations point down, as those of Apple's phones do.
         start_ns: Time of the table's zero where the format has it elsewhere; None otherwise.
         notes: What the user should know; the list grows while the batches are read.
     """
@@ -54,6 +55,7 @@ class SourceTable:
     units: Mapping[str, str] = field(default_factory=dict)
     is_device_frame: bool = False
     attitude_is_of_device: bool = False
+    has_accelerations_of_other_sign: bool = False
     start_ns: int | None = None
     notes: list[str] = field(default_factory=list)
 

@@ -89,8 +89,8 @@ LONG_DATE_ORDERS = (
 """Dates with the name of a month (`Tue, 14 Nov 2023`, `November 14, 2023`) and their order as year, month, day."""
 SHORT_DATE_PATTERN = r"^(?P<a>\d{2})(?P<b>\d{2})(?P<c>\d{2})$"
 """A date of six digits in an order that is not known."""
-DIGITS_DATE_PATTERN = r"^(?P<a>\d{4})(?P<b>\d{2})(?P<c>\d{2})$"
-"""A date of eight digits: year, month, day."""
+DIGITS_DATE_PATTERN = r"^(?P<a>(?:19|20)\d{2})(?P<b>0[1-9]|1[0-2])(?P<c>0[1-9]|[12]\d|3[01])$"
+"""A date of eight digits: year, month, day; other numbers of eight digits count milliseconds."""
 DATE_PATTERNS = (
     *(DATETIME_PATTERN, UNIX_DATE_PATTERN, JOINED_DATETIME_PATTERN),
     *(CLOCK_PATTERN, ONLY_DATE_PATTERN, DIGITS_DATE_PATTERN),

@@ -22,7 +22,12 @@ FACTOR_BY_KIND_AND_UNIT: dict[str, dict[str, float]] = {
         "semicircles": 180.0 / 2**31,
         "ddmm": 1.0,  # degrees and minutes, which are no factor: `places` converts them
     },
-    "angle": {"deg": math.pi / 180.0, "rad": 1.0, "cdeg": 1e-2 * math.pi / 180.0},
+    "angle": {
+        "deg": math.pi / 180.0,
+        "rad": 1.0,
+        "cdeg": 1e-2 * math.pi / 180.0,
+        "e5deg": 1e-5 * math.pi / 180.0,  # of u-blox' receivers
+    },
     "turn rate": {"radps": 1.0, "degps": math.pi / 180.0, "mdegps": 1e-3 * math.pi / 180.0},
     "acceleration": {"mps2": 1.0, "g": STANDARD_GRAVITY_MPS2, "mg": 1e-3 * STANDARD_GRAVITY_MPS2},
     "number": {"1": 1.0},
@@ -52,6 +57,7 @@ _SPELLINGS_BY_KIND_AND_UNIT = {
     ("place", "1e-7deg"): "e7 1e7 dege7 1e-7 1e-7deg",
     ("angle", "deg"): "° deg degree grad grados gradi degrees",
     ("angle", "cdeg"): "cdeg centideg centidegrees",
+    ("angle", "e5deg"): "e5 e5deg 1e-5deg",
     ("angle", "rad"): "rad radian radians",
     ("turn rate", "radps"): "rad/s radps rads rad/sec",
     ("turn rate", "degps"): "deg/s deg/sec degree/s degrees/s °/s °/sec degps dps degs",
@@ -117,4 +123,8 @@ def is_unit_text(text: str) -> bool:
     """Tell whether a text is the spelling of any unit."""
     spelling = re.sub(r"[\s\[\]()]", "", text.lower())
     scaled = SCALED_UNIT_PATTERN.fullmatch(spelling)
-    return spelling in _UNIT_BY_KIND_OF_SPELLING or (scaled is not None and scaled["unit"] in _UNIT_BY_KIND_OF_SPELLING)
+    return (
+        spelling in _UNIT_BY_KIND_OF_SPELLING
+        or (scaled is not None and scaled["unit"] in _UNIT_BY_KIND_OF_SPELLING)
+        or ("per" in spelling and any(find_unit(spelling, kind) for kind in FACTOR_BY_KIND_AND_UNIT))
+    )

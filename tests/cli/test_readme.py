@@ -45,7 +45,7 @@ def test_the_picture_is_small() -> None:
 KIND_BY_WORD = {
     "CSV": "csv", "Parquet": "parquet", "GPX": "gpx", "KML": "kml", "NMEA": "nmea", "RTKLIB": "rtklib", "VBOX": "vbox",
     "u-blox": "ubx", "TUM": "tum", "KITTI": "kitti", "EuRoC": "euroc", "Sensor Logger": "zip", "phyphox": "zip",
-    "GNSSLogger": "gnsslogger", "ASC": "asc", "BLF": "blf", "candump": "candump",
+    "GNSSLogger": "gnsslogger", "ASC": "asc", "BLF": "blf", "TRC": "trc", "candump": "candump",
 }  # fmt: skip
 """Words of the table of what it reads -> the kind of file that can be imported."""
 

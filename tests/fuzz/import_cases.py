@@ -239,6 +239,13 @@ CAN = tuple(
     for kind, name, make, n, tokens in (
         ("asc", "a.asc", files.can_asc, 3 * N_ROWS, (*DBC_TOKENS, b" 100 ", b" 200 ", b"Rx", b"d 8", b"CANFD")),
         ("candump", "a.log", files.can_dump, 3 * N_ROWS, (*DBC_TOKENS, b"#", b"##", b"100#", b"(", b")", b"R")),
+        (
+            "trc",
+            "a.trc",
+            files.can_trc,
+            3 * N_ROWS,
+            (*DBC_TOKENS, b";$COLUMNS=", b"0100 ", b"DT", b"RR", b"Rx"),
+        ),
         ("blf", "a.blf", files.can_blf, None, (*NUMBERS, b"LOBJ", b"LOGG", b"\n BO_ 256 X: 8 E\n")),
     )
 )

@@ -196,7 +196,12 @@ def _local(element: ElementTree.Element) -> str:
 
 def can(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
     """Read the signals by python-can and cantools, frame by frame; None where cantools can't decode one."""
-    reader = {".asc": python_can.ASCReader, ".blf": python_can.BLFReader, ".log": python_can.CanutilsLogReader}
+    reader = {
+        ".asc": python_can.ASCReader,
+        ".blf": python_can.BLFReader,
+        ".log": python_can.CanutilsLogReader,
+        ".trc": python_can.TRCReader,
+    }
     text = paths[1].read_bytes()
     try:
         described = text.decode("utf-8")
@@ -211,7 +216,11 @@ def can(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
     made: Tables = {table.part: [] for table in tables}
     columns = {table.part: table.columns for table in tables}
     # The official reader gives up on text that is not UTF-8; with the bytes replaced it reads what we read.
-    trace = paths[0] if paths[0].suffix == ".blf" else io.StringIO(paths[0].read_text("utf-8", errors="replace"))
+    trace: Any = paths[0]
+    if paths[0].suffix != ".blf":
+        # The date of a TRC trace is local time, which the official reader takes as UTC.
+        lines = io.StringIO(paths[0].read_text("utf-8", errors="replace"))
+        trace = io.StringIO("".join(line for line in lines if not line.startswith(";$STARTTIME")))
     with reader[paths[0].suffix](trace) as frames:
         for frame in frames:
             for message in database.messages:

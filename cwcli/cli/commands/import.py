@@ -103,7 +103,7 @@ def command(
     """Make a log of files that are no logs: tables, tracks, trajectories, phone recordings, CAN traces, videos.
 
     Reads CSV, TSV, Parquet, GPX, KML, NMEA 0183, u-blox UBX, RTKLIB, VBOX, TUM, KITTI and EuRoC trajectories,
-    recordings of Sensor Logger, phyphox and GNSSLogger, CAN traces (ASC, BLF, candump), SUMO's FCD and video.
+    recordings of Sensor Logger, phyphox and GNSSLogger, CAN traces (ASC, BLF, TRC, candump), SUMO's FCD and video.
     It guesses the columns, their units, times and axes, prints the guesses and writes them into a mapping file next to
     the log, which you can edit and pass with --mapping. It asks for what the files do not say.
     """

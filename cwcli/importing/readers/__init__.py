@@ -20,6 +20,7 @@ DESCRIPTION_PLACE_BY_FILE_KIND = {
     "sumo fcd": "fcd:KIND",
     "candump": "can_trace:CANDUMP_KIND",
     "asc": "can_trace:ASC",
+    "trc": "can_trace:TRC",
     "gnsslogger": "gnsslogger:KIND",
     "rtklib": "rtklib:KIND",
     "vbox": "vbox:KIND",

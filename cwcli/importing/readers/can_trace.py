@@ -1,12 +1,13 @@
-"""CAN traces: ASC, BLF and candump, read by `python-can`; a DBC file says what the frames mean.
+"""CAN traces: ASC, BLF, candump and PEAK's TRC, read by `python-can`; a DBC file says what the frames mean.
 
-Only messages with a signal that can be a quantity by its name are decoded. ASC traces count from their start; the date
-in an ASC or BLF file is local time without a zone, and is not used for ASC.
+Only messages with a signal that can be a quantity by its name are decoded. ASC and TRC traces count from their start;
+the date in them or in a BLF file is local time without a zone, and is not used for ASC and TRC.
 """
 
 from __future__ import annotations
 
 import io
+import logging
 import re
 from array import array
 from collections.abc import Mapping, Sequence
@@ -28,6 +29,11 @@ from cwcli.signals.units import NS_PER_S
 
 CANDUMP_LINE_PATTERN = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
 """Pattern of a line that `candump -l` writes: time, bus, identifier and data."""
+SHOWN_CANDUMP_LINE_PATTERN = re.compile(
+    r"^\s*(?P<time>\(\d{10}\.\d+\))\s+(?P<bus>\S+)\s+(?:[RT]X\s+\S\s+\S\s+)?(?P<id>[0-9A-F]{3}|[0-9A-F]{8})"
+    r"\s+\[\d+\]\s*(?P<data>(?:[0-9A-F]{2}\s*)*|remote request)(?:'.*'\s*)?$"
+)
+"""Pattern of a line that `candump -ta` shows on the screen, with the time since 1970."""
 ASC_HEADER_PATTERN = re.compile(
     r"^(date\s|base\s+(hex|dec)\b|\d+\.\d+\s+(\d+|CANFD)\s+[0-9A-Fa-f]+x?\s+[RT]x)", re.IGNORECASE
 )
@@ -37,8 +43,12 @@ N_ASC_HEAD_LINES = 5
 MAX_GAP_BETWEEN_PLACES_S = 1.5
 """Longest gap between two frames of a longitude, s, across which it is put to the times of the latitude. Chosen by
 hand: receivers give a place a second."""
-BLF_MAGIC = b"LOGG"
-"""First bytes of a BLF file."""
+BLF_MAGIC, TRC_FIRST_WORD = b"LOGG", ";$FILEVERSION"
+"""First bytes of a BLF file, and of a TRC trace."""
+TRC_DATE_WORD = ";$STARTTIME"
+"""Word before the date of a TRC trace, in local time."""
+MAX_CLASSIC_FRAME_BYTES = 8
+"""Number of bytes beyond which a frame is one of CAN FD (ISO 11898-1)."""
 
 
 @dataclass
@@ -52,7 +62,25 @@ class FramesOfMessage:
 
 def accepts_candump(head: FileHead) -> bool:
     """Tell whether the lines are those of candump."""
-    return bool(head.lines) and bool(CANDUMP_LINE_PATTERN.match(head.lines[0]))
+    return bool(head.lines) and any(
+        pattern.match(head.lines[0]) for pattern in (CANDUMP_LINE_PATTERN, SHOWN_CANDUMP_LINE_PATTERN)
+    )
+
+
+def accepts_trc(head: FileHead) -> bool:
+    """Tell whether the lines are those of a TRC trace."""
+    return bool(head.lines) and head.lines[0].startswith(TRC_FIRST_WORD)
+
+
+def _candump_line_as_in_a_file(line: str) -> str:
+    """Return a line that candump shows on the screen as it writes it into a file; any other as it is."""
+    found = SHOWN_CANDUMP_LINE_PATTERN.match(line)
+    if not found:
+        return line
+    data = found["data"]
+    data = "R" if data.startswith("remote") else "".join(data.split())
+    is_long = len(data) > 2 * MAX_CLASSIC_FRAME_BYTES
+    return f"{found['time']} {found['bus']} {found['id']}{'##0' if is_long else '#'}{data}\n"
 
 
 def accepts_asc(head: FileHead) -> bool:
@@ -153,9 +181,13 @@ class _TraceLines(io.TextIOBase):
     Where an ASC trace says `timestamps relative`, each of its lines tells the time since the line before.
     """
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, kind: str) -> None:
         super().__init__()
         self._lines = iter_text_lines(path, "utf-8")
+        if kind == "candump":
+            self._lines = map(_candump_line_as_in_a_file, self._lines)
+        elif kind == "trc":
+            self._lines = (line for line in self._lines if not line.startswith(TRC_DATE_WORD))
         self._n_head_lines_left = N_ASC_HEAD_LINES
         self._sum_us: int | None = None
 
@@ -190,11 +222,17 @@ def _read_frames_by_message(
         import can
     except ImportError as error:
         raise UsageError("CAN traces need python-can", hint=install_hint("import")) from error
-    reader_of_kind = {"asc": can.ASCReader, "blf": can.BLFReader, "candump": can.CanutilsLogReader}
+    logging.getLogger("can").addHandler(logging.NullHandler())  # it warns of each line that it leaves out
+    reader_of_kind = {
+        "asc": can.ASCReader,
+        "blf": can.BLFReader,
+        "candump": can.CanutilsLogReader,
+        "trc": can.TRCReader,
+    }
     frames = {key: FramesOfMessage() for key in messages}
     n_frames = n_without_time = 0
     try:
-        source = path if kind == "blf" else _TraceLines(path)
+        source = path if kind == "blf" else _TraceLines(path, kind)
         with reader_of_kind[kind](source) as reader:
             for frame in reader:
                 n_frames += 1
@@ -229,6 +267,7 @@ def _make_trace_kind(name: str, summary: str, suffix: str, accepts: Any) -> Impo
 
 ASC = _make_trace_kind("asc", "CAN traces as ASC, with a DBC file (needs python-can and cantools)", ".asc", accepts_asc)
 BLF = _make_trace_kind("blf", "CAN traces as BLF, with a DBC file (needs python-can and cantools)", ".blf", accepts_blf)
+TRC = _make_trace_kind("trc", "CAN traces of PEAK as TRC, with a DBC file", ".trc", accepts_trc)
 CANDUMP_KIND = _make_trace_kind(
     "candump", "CAN traces of candump, with a DBC file (needs python-can and cantools)", ".log", accepts_candump
 )

@@ -12,6 +12,7 @@ from cwcli.importing.readers.phone import (
     lower_case_name_of_table_file,
     with_phone_units_and_time_base,
 )
+from cwcli.importing.readers.ros_paths import with_presets_if_ros_messages
 from cwcli.importing.tables import Answers, Preset, SourceTable
 
 COLUMNS_OF_EXPORTED_STATES = frozenset(
@@ -45,7 +46,7 @@ def _accepts_csv_file(head: FileHead) -> bool:
 
 
 def _read_csv_as_table(path: str, answers: Answers) -> Sequence[SourceTable]:
-    table = with_presets_if_cwcli_table(read_delimited_table(path, answers))
+    table = with_presets_if_ros_messages(with_presets_if_cwcli_table(read_delimited_table(path, answers)))
     if is_phone_recording_table(table):
         return [with_phone_units_and_time_base(table, lower_case_name_of_table_file(path), b"")]
     return [table]

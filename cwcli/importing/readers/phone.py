@@ -4,7 +4,9 @@ Sensor Logger: `Location.csv`, `Accelerometer.csv`, `Gyroscope.csv` with times i
 phyphox: the same names with `Time (s)` from the start, which `meta/time.csv` dates.
 
 What a phone's `Accelerometer` measures differs: of Sensor Logger it is without gravity, and `TotalAcceleration` or
-`AccelerometerUncalibrated` has it; of phyphox it has it.
+`AccelerometerUncalibrated` has it; of phyphox it has it. Sensor Logger on iOS writes accelerations with Apple's sign,
+down at rest, and the uncalibrated ones in g, unless it was told to standardise them (UNITS.md and CROSSPLATFORM.md of
+github.com/tszheichoi/awesome-sensor-logger).
 """
 
 from __future__ import annotations
@@ -67,13 +69,16 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
                 raise DataError("it holds no table of positions, accelerations or turn rates", where=path, found=shown)
             _require_bounded_total(members, table_names, path)
             texts = {name: _unpack_archive_member(archive, members[name], path) for name in table_names}
-            start = next(
-                (
-                    _unpack_archive_member(archive, info, path)
-                    for info in archive.infolist()
-                    if info.filename.endswith("meta/time.csv")
-                ),
-                b"",
+            start, about_phone = (
+                next(
+                    (
+                        _unpack_archive_member(archive, info, path)
+                        for info in archive.infolist()
+                        if info.filename.lower().endswith(name)
+                    ),
+                    b"",
+                )
+                for name in ("meta/time.csv", "metadata.csv")
             )
     except (zipfile.BadZipFile, zlib.error, LZMAError, OSError, ValueError, RuntimeError, EOFError) as error:
         raise InputError(f"the zip is damaged: {error}", where=path) from error
@@ -83,13 +88,27 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
         if data.count(b"\n") >= 2
     }
     _add_gravity_to_accelerations(sources)
-    tables = [with_phone_units_and_time_base(table, name, start) for name, table in sources.items()]
+    is_of_apple = _are_accelerations_of_apple(about_phone)
+    tables = [
+        replace(with_phone_units_and_time_base(table, name, start), has_accelerations_of_other_sign=is_of_apple)
+        for name, table in sources.items()
+    ]
     if not tables:
         raise InputError("its tables have no rows", where=path)
     has_position = any(table.part and lower_case_name_of_table_file(table.part) in POSITION_TABLES for table in tables)
     if not has_position:
         tables[0].notes.append("the recording has no location")
     return tables
+
+
+def _are_accelerations_of_apple(data: bytes) -> bool:
+    """Tell whether the metadata of a recording of Sensor Logger say that its accelerations have Apple's sign."""
+    try:
+        row = next(csv.DictReader(io.StringIO(data.decode("utf-8", "replace"))), {})
+    except csv.Error:
+        return False
+    platform, is_standard = (str(row.get(name) or "").strip().lower() for name in ("platform", "standardisation"))
+    return platform == "ios" and is_standard != "true"
 
 
 def lower_case_name_of_table_file(name: str) -> str:
@@ -204,6 +223,7 @@ def with_phone_units_and_time_base(table: SourceTable, name: str, start: bytes) 
             presets = {column: _SENSOR_LOGGER_PRESETS.get(column, Preset("ignored")) for column in table.columns}
         else:
             kind, unit = ("gyro", "radps") if name in TURN_RATE_TABLES else ("accel", "mps2")
+            unit = "" if name == "accelerometeruncalibrated" else unit  # gravity shows whether it is g or m/s^2
             presets = {axis: Preset(f"{kind}_{axis}", unit) for axis in "xyz"} | {"time": Preset("time", "ns")}
             presets |= {column: Preset("ignored") for column in columns if column not in presets}
         return replace(table, kind="sensor logger", presets=presets, is_device_frame=True, attitude_is_of_device=True)

@@ -11,6 +11,8 @@ from cwcli.importing.readers.base import FileHead
 AS_GPX, AS_CSV = "export it as GPX", "save it as CSV, with the columns' names and units in the first line"
 PCAP_MAGICS = (b"\xd4\xc3\xb2\xa1", b"\xa1\xb2\xc3\xd4", b"\x4d\x3c\xb2\xa1", b"\x0a\x0d\x0d\x0a")
 """First bytes of recordings of network packets (libpcap in both byte orders and with nanoseconds; pcapng)."""
+LINE_PROTOCOL_PATTERN = rb"[A-Za-z_][\w.-]*(?:,[\w.-]+=[^\s,=]+)* [\w.-]+=[^\s,=]+(?:,[\w.-]+=[^\s,=]+)* \d{10,19}\s"
+"""Pattern of a line of InfluxDB's line protocol: a name with tags, fields, and a time."""
 UNREAD_FORMATS: tuple[tuple[str, str, Callable[[FileHead], bool]], ...] = (
     ("a FIT activity", AS_GPX, lambda head: head.data[8:12] == b".FIT"),
     ("a TCX activity", AS_GPX, lambda head: b"<TrainingCenterDatabase" in head.data[:2000]),
@@ -46,19 +48,19 @@ UNREAD_FORMATS: tuple[tuple[str, str, Callable[[FileHead], bool]], ...] = (
     ("a NovAtel log", "convert it to NMEA or CSV", lambda head: bool(re.match(rb"[#%][A-Z]{5,}[AS]?,", head.data))),
     ("a recording of network packets", "export the payload", lambda head: head.data[:4] in PCAP_MAGICS),
     (
-        "a PEAK CAN trace",
-        "write it as ASC: can_logconvert FILE trace.asc",
-        lambda head: head.data.startswith(b";$FILEVERSION"),
-    ),
-    (
         "a table of CAN frames",
         "write it as ASC: can_logconvert FILE trace.asc",
         lambda head: head.data.startswith(b"timestamp,arbitration_id,extended,remote,error,dlc,data"),
     ),
     (
-        "candump's output for the screen",
+        "candump's output with times from its start or of the line before",
         "record it with candump -L",
-        lambda head: bool(re.match(rb"\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-F]{3,8}\s+\[\d+\]", head.data)),
+        lambda head: bool(re.match(rb"\s*\(\d{1,9}\.\d+\)\s+\S+\s+[0-9A-F]{3,8}\s+\[\d+\]", head.data)),
+    ),
+    (
+        "InfluxDB's line protocol",
+        "query it as CSV, pivoted: a column for each field",
+        lambda head: bool(re.match(LINE_PROTOCOL_PATTERN, head.data)),
     ),
     (
         "a log already",

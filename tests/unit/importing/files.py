@@ -464,6 +464,10 @@ def can_blf(folder: Path) -> list[Path]:
     return _can(folder, "trace.blf")
 
 
+def can_trc(folder: Path) -> list[Path]:
+    return _can(folder, "trace.trc")
+
+
 def can_dump(folder: Path) -> list[Path]:
     return _can(folder, "candump.log")
 

@@ -226,8 +226,8 @@ def long_form(folder: Path) -> list[Path]:
 
 
 def candump_shown(folder: Path) -> list[Path]:
-    """What `candump -ta can0` shows on the terminal."""
-    (folder / "can.txt").write_text("".join(f" ({START_S + t:.6f})  can0  100   [8]  01 02 03 04 05 06 07 08\n" for t in D.t_s))
+    """What `candump -tz can0` shows on the terminal."""
+    (folder / "can.txt").write_text("".join(f" ({t:010.6f})  can0  100   [8]  01 02 03 04 05 06 07 08\n" for t in D.t_s))
     return [folder / "can.txt"]
 
 
@@ -292,7 +292,7 @@ APP_CASES = {
     "coordinates": OtherCase(coordinates, P | R),
     "xsens": OtherCase(xsens, P | {"heading": 0.01}),
     "long-form": OtherCase(long_form, {}, asks="no column is a position"),
-    "candump-shown": OtherCase(candump_shown, {}, asks="for the screen"),
+    "candump-shown": OtherCase(candump_shown, {}, asks="from its start"),
     "strava": OtherCase(strava, P),
     "osmand": OtherCase(osmand, P | R),
     "kmh-gpx": OtherCase(kmh_gpx, {}, asks="kmh"),

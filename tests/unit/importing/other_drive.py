@@ -90,7 +90,7 @@ def errors_by_channel(log_path: Path, start_ns: int = START_S * 10**9) -> dict[s
                 if (column("linear_acceleration_covariance")[:, 0] >= 0).any():
                     ahead = column("linear_acceleration.x") - true(DRIVE.accel_mps2)
                     left = column("linear_acceleration.y") - true(DRIVE.speed_mps * DRIVE.yaw_rate_radps)
-                    keep("accel", np.hypot(ahead, left))
+                    keep("accel", np.sqrt(ahead**2 + left**2 + (column("linear_acceleration.z") - 9.80665) ** 2))
             else:
                 found[topic] = float(len(columns)) if "image" not in topic else 0.0
     return found

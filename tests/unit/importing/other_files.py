@@ -146,9 +146,9 @@ def _csv(head: str, columns: Sequence[Sequence[str]], mark: str = ",") -> str:
 
 
 def sensor_logger_ios(folder: Path) -> list[Path]:
-    """iOS: accelerations without gravity, gravity in a table of its own; names of tables with folders."""
+    """iOS: accelerations without gravity, gravity in a table of its own, both with Apple's sign."""
     force, turn = phone_vectors()
-    axes_up = force - _phone_linear()
+    axes_down = _phone_linear() - force
     ns, elapsed = [str(s) for s in D.stamp_ns.tolist()], digits(D.t_s, 6)
     r = SLOW
     members = {
@@ -158,7 +158,7 @@ def sensor_logger_ios(folder: Path) -> list[Path]:
         "Annotation.csv": "time,seconds_elapsed,text,millisecond_press_duration\n",
         "Orientation.csv": _csv("time,seconds_elapsed,yaw,qx,qz,roll,qw,qy,pitch", [ns, elapsed, *[FILL] * 7]),
     }  # fmt: skip
-    for name, values in {"Accelerometer": _phone_linear(), "Gravity": axes_up, "Gyroscope": turn}.items():
+    for name, values in {"Accelerometer": -_phone_linear(), "Gravity": axes_down, "Gyroscope": turn}.items():
         members[f"{name}.csv"] = _csv("time,seconds_elapsed,z,y,x", [ns, elapsed, *(digits(values[:, k], 6) for k in (2, 1, 0))])
     return _pack(folder / "Drive-2023-11-14_22-13-20.zip", members)
 

@@ -176,7 +176,9 @@ def measure_errors(path: Path, start_ns: int = START_NS) -> dict[str, float]:  #
                 if (column("linear_acceleration_covariance")[:, 0] >= 0).any():
                     ahead = column("linear_acceleration.x") - true(R.accel_mps2)
                     left = column("linear_acceleration.y") - true(R.speed_mps * R.rate_radps)
-                    keep("accel", np.hypot(ahead, left))
+                    up = column("linear_acceleration.z")
+                    up = up - (0.0 if abs(up.mean()) < 1.0 else 9.80665)  # some files are without gravity
+                    keep("accel", np.sqrt(ahead**2 + left**2 + up**2))
             else:
                 found[topic] = float(len(columns))
     return found

@@ -13,12 +13,13 @@ from cwcli.importing.mapping import read_mapping
 from cwcli.importing.run import plan_import, write_import
 from cwcli.importing.tables import Answers
 from cwcli.importing.utm import geographic_of_utm_deg
+from tests.unit.importing.device_files import DEVICE_FILES
 from tests.unit.importing.real_drive import measure_errors
 from tests.unit.importing.real_files import REAL_FILES
 from tests.unit.importing.real_tables import BOUNDS, REAL_TABLES
 from tests.unit.importing.wild_files import WILD_FILES
 
-CASES = REAL_TABLES | REAL_FILES | WILD_FILES
+CASES = REAL_TABLES | REAL_FILES | WILD_FILES | DEVICE_FILES
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if not case.asks])
