@@ -420,7 +420,7 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     if rest is not None:
         stamp_ns = stamp_ns + table.instants[rest].to_ns("ns")
         guess = replace(guess, why=f"{guess.why}, with the nanoseconds in {rest!r}")
-    elif base.unit == "s" and not instants.fraction.any():
+    elif base.unit == "s" and base.since != "start" and not instants.fraction.any():
         stamp_ns, guess = _with_part_of_second_of_other_column(table, stamp_ns, guess)
     if base.since == "2001":
         stamp_ns = stamp_ns + APPLE_EPOCH_S * NS_PER_S

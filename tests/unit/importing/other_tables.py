@@ -421,7 +421,7 @@ TABLE_CASES = {
     "trailing-commas": OtherCase(trailing_commas, P | R),
     "old-mac": OtherCase(old_mac, P | R),
     "aim": OtherCase(aim, P | V, 0),
-    "track-addict": OtherCase(track_addict, P | R | {"heading": 0.05}),
+    "track-addict": OtherCase(track_addict, P | R | {"heading": 0.05, "accel": 0.3}),
     "race-capture": OtherCase(race_capture, P | R),
     "androsensor": OtherCase(androsensor, P | R | {"gyro": 0.02, "accel": 0.3}, 0),
     "physics-toolbox": OtherCase(physics_toolbox, P | R | {"gyro": 0.02, "accel": 0.3}, (START_S % 86400) * 10**9),
