@@ -10,9 +10,9 @@ import pytest
 
 from cwcli.cli.app import load_command
 from cwcli.cli.commands import HELP_LINE_BY_COMMAND
+from cwcli.cli.commands.config import format_toml
 from cwcli.cli.main import run_command_line
 from cwcli.cli.options.configfile import WRITING_PARAMETERS as READ_WRITES
-from cwcli.cli.options.toml import format_toml
 from cwcli.errors import EXIT_USAGE
 from tests.cli.conftest import SAMPLES, Run
 

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.method import LaneFit, LaneFrame, LaneSearch
 from cwcli.vision.methods import METHODS, methods_without_model
+from tests.set_frames import render_set_frame
 from tests.unit.vision.lane_scene import mounted, score
 
 Grey = npt.NDArray[np.uint8]

@@ -17,10 +17,11 @@ from cwcli.reproduction.zhang2011.lane_drives import (
 )
 from cwcli.reproduction.zhang2011.lanes import PAPER_CORRECT_PERCENT, PHASE_FRAME_RANGES, ROAD_SET_NAMES, run_lane_study
 from cwcli.simulation.road.drive import iter_set_drives
-from cwcli.simulation.road.sets import FRAME_SETS, iter_set_frames
+from cwcli.simulation.road.sets import FRAME_SETS
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit
 from cwcli.vision.methods import DEFAULT_METHOD, methods_without_model
+from tests.set_frames import iter_set_frames
 
 N_DRIVES = 4
 SIZE = (320, 240)

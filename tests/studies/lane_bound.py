@@ -13,7 +13,8 @@ import numpy as np
 
 from cwcli.reproduction.zhang2011.lane_drives import is_fit_correct
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.sets import FRAME_SETS, iter_set_frames
+from cwcli.simulation.road.sets import FRAME_SETS
+from tests.set_frames import iter_set_frames
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.method import LaneFit
 from cwcli.vision.objective import (

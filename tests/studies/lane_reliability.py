@@ -25,10 +25,12 @@ from cwcli.metrics.lane_scores import VISUAL_MIN_ROW_SHARE, BoundaryColumns, lan
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import camera_of_zhang2011
 from cwcli.simulation.road.conditions import CONDITIONS
-from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.geometry import RoadAhead
+from tests.set_frames import clothoid_curvature_1pm
 from cwcli.simulation.road.render import RoadFrame, render_frame
 from cwcli.simulation.road.scene import Marking
-from cwcli.simulation.road.sets import FRAME_SETS, draw_scene, iter_set_frames
+from cwcli.simulation.road.sets import FRAME_SETS, draw_scene
+from tests.set_frames import iter_set_frames
 from cwcli.simulation.streams import random_stream
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.boundary_probability import (

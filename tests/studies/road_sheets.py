@@ -15,7 +15,7 @@ from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.conditions import CONDITIONS
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.render import RoadFrame
-from cwcli.simulation.road.sets import iter_set_frames
+from tests.set_frames import iter_set_frames
 
 DOCS = Path(__file__).parents[2] / "docs" / "images"
 COLUMNS = 5

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from cwcli.cli.console import Console
 from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.expand import expand_dataclass_parameters
 from cwcli.cli.options.stage import make_all_stage_options_classes
-from cwcli.cli.options.toml import format_toml
 from cwcli.errors import UsageError
 
 EXAMPLES = ("cwcli config", "cwcli config > pipeline.toml")
@@ -56,3 +56,26 @@ def resolve_all_options(file: str | None) -> dict[str, Any]:
     except UsageError as error:
         raise UsageError(error.what, where=error.where or file or "", found=error.found, hint=error.hint) from error
     return document
+
+
+def format_toml(document: Mapping[str, Any]) -> str:
+    """Format a document of values, lists and tables as TOML; None becomes a comment."""
+    lines = [_key_value_line(key, value) for key, value in document.items() if not isinstance(value, Mapping)]
+    for name, table in document.items():
+        if isinstance(table, Mapping):
+            lines += ["", f"[{name}]", *(_key_value_line(key, value) for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _key_value_line(key: str, value: Any) -> str:
+    return f"# {key} =" if value is None else f"{key} = {_format_value(value)}"
+
+
+def _format_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_format_value, value))}]"
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -119,8 +119,3 @@ class RoadAhead:
         """Image column of the line at an offset, at distances ahead, px; NaN outside the road."""
         depth = camera.depth_along_optical_axis_m(x_m, camera.height_m - self.surface_height_at_distance_m(x_m))
         return np.asarray(camera.cx - camera.fx * self.line_y_at_distance_m(offset_m, x_m) / depth)
-
-
-def clothoid_curvature_1pm(curvature_1pm: float, rate_1pm2: float = 0.0) -> FloatArray:
-    """Curvature at the grid's arc lengths that changes evenly, shape (k,), 1/m; constant beyond 150 m."""
-    return np.asarray(curvature_1pm + rate_1pm2 * np.clip(ARC_LENGTH_GRID_M, None, 150.0))

@@ -10,19 +10,15 @@ its rows; dashed lines (25 to 40 % painted) and double ones belong to `hard`, wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.simulation.road.camera import RoadCamera, camera_of_zhang2011
 from cwcli.simulation.road.conditions import CONDITIONS
-from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
-from cwcli.simulation.road.render import RoadFrame, render_frame
 from cwcli.simulation.road.scene import Marking, Patch, RoadScene, SceneVehicle
-from cwcli.simulation.streams import random_stream
 
 FRAMES_PER_SET = 500
 """Number of frames of a set. Chosen by hand (docs/road-renderer.md)."""
@@ -38,9 +34,9 @@ class SetSpec:
 
     Attributes:
         conditions: Name of `CONDITIONS` -> chance.
-        curvature_1pm, curvature_rate_1pm2: Curvature of the lane and its change: sigma, limit.
+        curvature_1pm: Curvature of the lane: sigma, limit.
         vertical_1pm: Vertical curvature of crests and sags: sigma, limit.
-        offset_m, heading_rad, pitch_rad: Pose of the car in its lane and on its springs: sigma, limit.
+        pitch_rad: Pitch of the car on its springs: sigma, limit.
         lane_width_m, marking_width_m, asphalt, paint: Lowest and highest value, even.
         min_remaining_paint_share: Lowest share of paint that is left; even up to 1.
         dashed, double: Chance that a boundary is dashed; that the left one is double.
@@ -53,10 +49,7 @@ class SetSpec:
 
     conditions: Mapping[str, float]
     curvature_1pm: tuple[float, float]
-    curvature_rate_1pm2: tuple[float, float]
     vertical_1pm: tuple[float, float]
-    offset_m: tuple[float, float]
-    heading_rad: tuple[float, float]
     pitch_rad: tuple[float, float]
     lane_width_m: tuple[float, float]
     marking_width_m: tuple[float, float]
@@ -85,10 +78,7 @@ _COMPLEX_SET = SetSpec(
         "fog": 0.07,
     },
     curvature_1pm=(0.0009, 0.002),
-    curvature_rate_1pm2=(4e-6, 8e-6),
     vertical_1pm=(6e-5, 1.5e-4),
-    offset_m=(0.22, 0.5),
-    heading_rad=(0.007, 0.018),
     pitch_rad=(0.003, 0.006),
     lane_width_m=(3.25, 3.9),
     marking_width_m=(0.10, 0.18),
@@ -111,10 +101,7 @@ FRAME_SETS: Mapping[str, SetSpec] = MappingProxyType(
         "good": SetSpec(
             conditions={"clear": 0.6, "overcast": 0.4},
             curvature_1pm=(0.0005, 0.001),
-            curvature_rate_1pm2=(1e-6, 2e-6),
             vertical_1pm=(2e-5, 4e-5),
-            offset_m=(0.15, 0.35),
-            heading_rad=(0.004, 0.01),
             pitch_rad=(0.0015, 0.003),
             lane_width_m=(3.5, 3.75),
             marking_width_m=(0.12, 0.16),
@@ -135,39 +122,6 @@ FRAME_SETS: Mapping[str, SetSpec] = MappingProxyType(
     }
 )
 """The sets of frames by name. Their values are chosen by hand; docs/road-renderer.md explains them."""
-
-
-def iter_set_frames(
-    name: str, n: int = FRAMES_PER_SET, *, seed: int = 0, camera: RoadCamera | None = None
-) -> Iterator[RoadFrame]:
-    """Render the frames of a set, each drawn on its own: frame i does not depend on n.
-
-    Args:
-        name: Name of the set: good, complex or hard.
-        seed: Another seed gives another set with the same distribution.
-    """
-    for index in range(n):
-        yield render_set_frame(name, index, seed=seed, camera=camera)
-
-
-def render_set_frame(name: str, index: int, *, seed: int = 0, camera: RoadCamera | None = None) -> RoadFrame:
-    """Render one frame of a set."""
-    rng = random_stream(seed, "road", name, str(index))
-    spec = FRAME_SETS[name]
-    names, chances = list(spec.conditions), list(spec.conditions.values())
-    condition = names[int(rng.choice(len(names), p=np.array(chances) / sum(chances)))]
-    scene = draw_scene(spec, condition, rng)
-    road = RoadAhead(
-        clothoid_curvature_1pm(
-            _draw_clipped_normal(rng, spec.curvature_1pm), _draw_clipped_normal(rng, spec.curvature_rate_1pm2)
-        ),
-        offset_m=_draw_clipped_normal(rng, spec.offset_m),
-        heading_rad=_draw_clipped_normal(rng, spec.heading_rad),
-        vertical_1pm=_draw_clipped_normal(rng, spec.vertical_1pm),
-        bearing_rad=float(rng.uniform(-3, 3)),
-    )
-    pitched = (camera or camera_of_zhang2011()).with_added_pitch(_draw_clipped_normal(rng, spec.pitch_rad))
-    return render_frame(scene, pitched, road, rng)
 
 
 def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadScene:
@@ -203,11 +157,6 @@ def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadS
         seed=int(rng.integers(0, 2**31)),
     )
     return CONDITIONS[condition](scene, rng)
-
-
-def _draw_clipped_normal(rng: np.random.Generator, normal: tuple[float, float]) -> float:
-    """Draw from a normal distribution around 0 with (sigma, limit), clipped at the limit."""
-    return float(np.clip(rng.normal(0.0, normal[0]), -normal[1], normal[1]))
 
 
 def _draw_boundary_marking(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_be_double: bool) -> Marking:

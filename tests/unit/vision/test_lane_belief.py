@@ -10,7 +10,6 @@ import pytest
 
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import Pinhole
-from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.boundary_probability import (
     BOUNDARY_LOG_ODDS_WEIGHTS,
     FIRST_FRAME_LOG_ODDS_WEIGHTS,
@@ -26,6 +25,7 @@ from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFrame
+from tests.set_frames import render_set_frame
 from tests.studies.lane_reliability import drawn
 from tests.unit.vision.lane_scene import mounted
 

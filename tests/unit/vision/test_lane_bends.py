@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.road.camera import camera_of_zhang2011
-from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.geometry import RoadAhead
 from cwcli.simulation.road.render import render_frame
 from cwcli.simulation.road.sets import FRAME_SETS, draw_scene
 from cwcli.vision.ground import compute_lane_geometry
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFrame
+from tests.set_frames import clothoid_curvature_1pm
 from tests.unit.vision.fit_lists import columns_of
 from tests.unit.vision.lane_scene import mounted
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
-from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_covariance as module
 from cwcli.vision.ground import GeometrySigmas, compute_lane_geometry
 from cwcli.vision.lane_covariance import (
@@ -20,6 +19,7 @@ from cwcli.vision.lane_detect import StripeEvidence, search_first_frame
 from cwcli.vision.lane_model import BEND, first_frame_prior, fit_boundary_parabolas, pitch_from_horizon_rad
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFit, LaneFrame
+from tests.set_frames import render_set_frame
 from tests.studies.lane_nees import errors
 from tests.unit.vision.fit_lists import columns_of
 from tests.unit.vision.lane_scene import mounted

@@ -8,7 +8,6 @@ import pytest
 
 from cwcli.kernels import lane_ridge, lane_stripes
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_detect
 from cwcli.vision.boundary_probability import left_and_right_paint_shares
 from cwcli.vision.camera import Camera, Mounting
@@ -20,6 +19,7 @@ from cwcli.vision.lane_detect import (
     search_first_frame,
 )
 from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, SIGMA, SPIRAL, LanePrior, first_frame_prior
+from tests.set_frames import render_set_frame
 from tests.unit.vision import naive_ridge
 from tests.unit.vision.lane_scene import mounted
 

@@ -15,7 +15,6 @@ from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
-from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_tracker
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.ground import compute_lane_geometry
@@ -50,6 +49,7 @@ from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 from cwcli.vision.vanishing import find_vanishing_points
+from tests.set_frames import render_set_frame
 from tests.studies.lane_drives import places_m, planned, watched
 from tests.unit.vision.fake_frames import encoded
 from tests.unit.vision.fit_lists import columns_of

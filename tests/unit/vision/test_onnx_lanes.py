@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from cwcli.errors import InputError, UsageError
-from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.method import LaneFrame
 from cwcli.vision.methods import METHODS, check_method_and_model, load_method
 from cwcli.vision.onnx_model import LaneNet, read_net_description, read_onnx_input_shape
+from tests.set_frames import render_set_frame
 from tests.unit.vision.lane_scene import mounted, score
 from tests.unit.vision.onnx_file import convolution
 

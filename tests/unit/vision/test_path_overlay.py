@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.simulation.road.camera import wide_camera
-from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.geometry import RoadAhead
 from cwcli.simulation.road.render import render_frame
 from cwcli.simulation.road.scene import Marking, RoadScene
 from cwcli.vision.camera import Camera, Mounting
@@ -21,6 +21,7 @@ from cwcli.vision.path_overlay import (
     nearest_visible_ground_m,
     project_path_into_image,
 )
+from tests.set_frames import clothoid_curvature_1pm
 
 MOUNTING = Mounting(height_m=1.4, pitch_rad=0.03)
 CAMERA = Camera(640, 480, 600.0, 600.0, 319.5, 239.5, mounting=MOUNTING)

@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.lane_detect import search_first_frame_at_vanishing_points
 from cwcli.vision.lane_model import HORIZON, VANISHING, first_frame_prior
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.vanishing import CLEAR_VOTE_SHARE, find_vanishing_points
+from tests.set_frames import render_set_frame
 
 CAMERA = default_camera(320, 240, Mounting())
 SCENES = [render_set_frame("good", index).grey for index in range(0, 24, 2)]

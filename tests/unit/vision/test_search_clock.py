@@ -15,12 +15,12 @@ import pytest
 from cwcli.logs.read.reader import Log
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
-from cwcli.simulation.road.sets import render_set_frame
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.frames import decode_frames
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState
 from cwcli.vision.search_clock import SearchClock
+from tests.set_frames import render_set_frame
 from tests.unit.vision.fake_frames import FakeFrame, encoded
 from tests.unit.vision.fit_lists import columns_of
 from tests.unit.vision.lane_logs import write_log

@@ -11,9 +11,10 @@ from scipy.integrate import solve_ivp
 
 from cwcli.errors import UsageError
 from cwcli.simulation.road.camera import PAPER_PREVIEW_M, RoadCamera, camera_of_zhang2011, wide_camera
-from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
 from cwcli.simulation.road.truth import MAX_VISIBLE_BOUNDARY_DISTANCE_M, compute_lane_truth
 from cwcli.vision.camera import Camera, Mounting
+from tests.set_frames import clothoid_curvature_1pm
 
 ATOL_PX = 0.02
 ATOL_M = 1e-3

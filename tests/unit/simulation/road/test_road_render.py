@@ -9,14 +9,15 @@ import pytest
 
 from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.conditions import CONDITIONS
-from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.geometry import RoadAhead
 from cwcli.simulation.road.names import WEATHER_NAMES
 from cwcli.simulation.road.paint import paint_marking
 from cwcli.simulation.road.render import RoadFrame, compute_frame_truth, render_frame
 from cwcli.simulation.road.rows import compute_road_rows
 from cwcli.simulation.road.scene import Light, Marking, RoadScene, SceneVehicle
-from cwcli.simulation.road.sets import FRAME_SETS, render_set_frame
+from cwcli.simulation.road.sets import FRAME_SETS
 from cwcli.simulation.road.surface import asphalt_texture, remaining_paint_texture_and_mean
+from tests.set_frames import clothoid_curvature_1pm, render_set_frame
 
 WIDTH_M = 3.6
 CAMERA = camera_of_zhang2011()
