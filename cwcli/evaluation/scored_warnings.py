@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -29,9 +29,7 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.pair import PairEvaluation
 from cwcli.warning.rows import WarningRows
-
-if TYPE_CHECKING:
-    from cwcli.warning.types import EventIdByPairAndEvent
+from cwcli.warning.types import EventIdByPairAndEvent
 
 NS_PER_H = 3600 * NS_PER_S
 """Nanoseconds in an hour."""

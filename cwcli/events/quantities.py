@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.errors import MissingSignalError, UsageError, hint_at_closest_or_all_known_names
 from cwcli.events.evidence import EventEvidence
 from cwcli.events.syntax import Series
+from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.metrics.condition_parser import Comparison, Number
 from cwcli.metrics.table import unit_of_column
@@ -21,9 +21,6 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_BY_KIND
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.reader import Log
 
 EGO_PREFIX, OTHER_PREFIX = "ego.", "other."
 """Beginnings of the names of the states of the ego and of the other vehicle."""

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from cwcli.channels.binding import DESCRIPTION_BY_ROLE, bind_roles
 from cwcli.channels.published import REMOTE_PATH, REMOTE_STATE
 from cwcli.errors import MissingSignalError
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.needs import StageByName, readiness_of_each_stage
 from cwcli.pipeline.stage import Stage
 from cwcli.pipeline.stations import add_stations_to_error
 from cwcli.signals.role import Role
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.reader import Log
 
 NO_REMOTE_CHANNEL_TEXT = "the log has no messages of other vehicles (BSM or CAM)"
 """The reason for leaving a stage out where no channel binds to the role of remote vehicles."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.lane_detect import StripeEvidence, best_lane_on_wide_evidence, lane_objectives, refine_lanes
 from cwcli.vision.lane_following import (
     MARGIN_OF_BOUNDARY_MOVEMENT_M,
@@ -23,9 +23,6 @@ from cwcli.vision.lane_following import (
 from cwcli.vision.lane_mean import OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E
 from cwcli.vision.lane_model import HIGH, LOW, ImageLane, LanePrior, LeftRightProbabilities, is_same_lane_in_image
 from cwcli.vision.lane_sides import NO_LINE, LinePairState
-
-if TYPE_CHECKING:
-    from cwcli.vision.camera import WidthHeightPx
 
 MAX_RIVAL_OBJECTIVE_DEFICIT = 5.0 * OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E
 """Greatest deficit of objective with which a lane is still a rival: below it, it has less than 1 % of the

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from statistics import NormalDist
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -30,9 +30,6 @@ from cwcli.vision.lane_model import (
     ImageLanes,
     LanePriorTable,
 )
-
-if TYPE_CHECKING:
-    from cwcli.vision.camera import WidthHeightPx
 
 OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E = 0.015
 """Difference of objective at which a lane counts 37 % (1 / e); one sigma of the prior takes off 0.02. Chosen in sight

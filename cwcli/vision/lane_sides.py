@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary_probability import left_and_right_paint_shares
+from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.lane_detect import StripeEvidence, refine_lanes
 from cwcli.vision.lane_following import narrow_prior_table
 from cwcli.vision.lane_model import (
@@ -34,9 +35,6 @@ from cwcli.vision.lane_model import (
     LanePrior,
     LanePriorTable,
 )
-
-if TYPE_CHECKING:
-    from cwcli.vision.camera import WidthHeightPx
 
 NO_LINE, LEFT, RIGHT = -1, 0, 1
 """Numbers of the lines: none, the left one, the right one."""

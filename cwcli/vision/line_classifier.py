@@ -9,17 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.lane_detect import StripeEvidence
+from cwcli.vision.lane_model import ImageLane
 from cwcli.vision.line_colour import classify_line_colours
 from cwcli.vision.line_kind import LineKindInFrame, classify_lines_in_frame
 from cwcli.vision.method import LaneFit, LaneFrame
-
-if TYPE_CHECKING:
-    from cwcli.vision.lane_model import ImageLane
 
 MIN_TIME_BETWEEN_VOTING_FRAMES_S = 0.45
 """Least time in seconds between two frames that vote. Chosen by hand: it bounds the time of a frame."""

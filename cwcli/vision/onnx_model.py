@@ -28,7 +28,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -39,10 +39,8 @@ from cwcli.input import MAX_BINARY_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.toml_text import parse_toml
+from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.method import GreyImage
-
-if TYPE_CHECKING:
-    from cwcli.vision.camera import WidthHeightPx
 
 Float32Array = npt.NDArray[np.float32]
 

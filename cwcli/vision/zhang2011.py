@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from functools import cache
 from math import nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from cwcli.kernels import lane_search
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.method import LaneFit, LaneFrame, Method
 from cwcli.vision.objective import (
     PAPER_HEIGHT_PX,
@@ -23,9 +23,6 @@ from cwcli.vision.objective import (
     ResponseArray,
     compute_block_responses,
 )
-
-if TYPE_CHECKING:
-    from cwcli.vision.camera import WidthHeightPx
 
 CROSSOVER_PROBABILITY = 0.45
 """Probability with which two chromosomes are crossed (zhang2011)."""

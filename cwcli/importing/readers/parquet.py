@@ -5,15 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cwcli.errors import InputError
+from cwcli.importing.cells import ArrowArray
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.readers.csv_table import with_presets_if_cwcli_table
 from cwcli.importing.tables import Answers, ColumnsOfRows, SourceTable
-
-if TYPE_CHECKING:
-    from cwcli.importing.cells import ArrowArray
 
 PARQUET_MAGIC_BYTES = b"PAR1"
 """First and last bytes of a Parquet file."""

@@ -17,7 +17,7 @@ from cwcli.simulation.road.rows import compute_road_rows
 from cwcli.simulation.road.scene import Light, Marking, RoadScene, SceneVehicle
 from cwcli.simulation.road.sets import FRAME_SETS
 from cwcli.simulation.road.surface import asphalt_texture, remaining_paint_texture_and_mean
-from tests.set_frames import clothoid_curvature_1pm, render_set_frame
+from tests.set_frames import CURVATURE_RATE_OFFSET_AND_HEADING, clothoid_curvature_1pm, render_set_frame
 
 WIDTH_M = 3.6
 CAMERA = camera_of_zhang2011()
@@ -173,7 +173,7 @@ def test_frames_of_a_set_do_not_depend_on_each_other_and_stay_in_their_limits(na
         one, again = render_set_frame(name, index), render_set_frame(name, index)
         assert np.array_equal(one.grey, again.grey)
         truth = one.truth
-        assert abs(truth.lateral_offset_m) <= spec.offset_m[1]
+        assert abs(truth.lateral_offset_m) <= CURVATURE_RATE_OFFSET_AND_HEADING[name][1][1]
         assert abs(truth.curvature_1pm) <= spec.curvature_1pm[1] + 1e-12
         assert spec.lane_width_m[0] <= truth.lane_width_m <= spec.lane_width_m[1]
         assert truth.left_visible.sum() > 20
