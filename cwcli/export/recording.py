@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,9 @@ from cwcli.channels.published import (
 )
 from cwcli.channels.vehicle_state import KINEMATIC_FIELDS, read_vehicle_states
 from cwcli.errors import MissingSignalError, UsageError, install_hint
+from cwcli.logs.read.reader import Log
 from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.vehicle_state import MAP_FRAME
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.reader import Log
 
 RERUN_TIMELINE = "message_log_time"
 """Rerun's name for the timeline of log times of MCAP messages."""

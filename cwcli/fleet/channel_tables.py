@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from cwcli.channels.published import EGO_PATH, PATH_SCENE, REMOTE_PATH
 from cwcli.errors import CwcliError
 from cwcli.fleet.names import safe_topic_name
 from cwcli.fleet.table_schemas import COMMON_COLUMNS
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
-from cwcli.signals.columns import StreamedChannel
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.reader import Log
-    from cwcli.signals.columns import Columns
+from cwcli.signals.columns import Columns, StreamedChannel
 
 STREAMED_PATH_TOPICS = {each.topic for each in (EGO_PATH, REMOTE_PATH, PATH_SCENE)}
 """Topics of streamed channels that hold no images and so get a table."""

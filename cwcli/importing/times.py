@@ -10,20 +10,18 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
 
 from cwcli.errors import UsageError
+from cwcli.importing.cells import ArrowArray, trimmed_texts_or_null
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.gnss_time import GPS_EPOCH_UNIX_S, SECONDS_PER_WEEK, utc_ns_from_gps_unix_ns
 from cwcli.signals.units import NS_PER_S
-
-if TYPE_CHECKING:
-    from cwcli.importing.cells import ArrowArray
 
 MAX_STAMP_NS = (2**31 - 1) * NS_PER_S
 """The last second of ROS 2 stamps, in January 2038, in ns since 1970 (builtin_interfaces/msg/Time)."""
@@ -192,8 +190,6 @@ def parse_short_dates(array: ArrowArray) -> TextTimes | None:
     """Parse dates of six digits; None where a text is none."""
     import pyarrow.compute as pc
 
-    from cwcli.importing.cells import trimmed_texts_or_null
-
     found = pc.extract_regex(trimmed_texts_or_null(array), SHORT_DATE_PATTERN)
     return None if found.null_count else _text_times_of_column_matches(found)
 
@@ -201,8 +197,6 @@ def parse_short_dates(array: ArrowArray) -> TextTimes | None:
 def parse_text_times(array: ArrowArray) -> TextTimes | None:
     """Parse the texts of a batch; None where most are neither a date nor a time of day."""
     import pyarrow.compute as pc
-
-    from cwcli.importing.cells import trimmed_texts_or_null
 
     texts, has_names = _with_month_numbers(
         pc.replace_substring_regex(trimmed_texts_or_null(array), AMBIGUOUS_ZONE_ABBREVIATION_PATTERN, "")

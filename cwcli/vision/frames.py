@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.clocks import INVALID_LOG_TIME_REASON, MAX_STAMP_NS, MIN_STAMP_NS
+from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.depth_images import COMPRESSED_DEPTH_HEADER as DEPTH_HEADER
 from cwcli.vision.depth_images import DepthImageError, decode_compressed_depth_as_grey, is_compressed_depth
 from cwcli.vision.encoded import FrameLike, Image
@@ -32,9 +32,6 @@ from cwcli.vision.ordered_threads import run_jobs_in_order
 from cwcli.vision.raw_images import GREY_ENCODINGS, RawImageError, decode_raw_as_colour, decode_raw_as_grey
 from cwcli.vision.search_clock import SearchClock
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, UNSUPPORTED_CODECS, decode_video
-
-if TYPE_CHECKING:
-    from cwcli.vision.camera import WidthHeightPx
 
 MIN_IMAGE_SIDE_PX = 32
 """Least width and height of an image in pixels; smaller ones are rejected. Chosen by hand; not fitted."""

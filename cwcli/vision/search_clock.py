@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from cwcli.vision.camera import WidthHeightPx
+from cwcli.vision.camera import WidthHeightPx
 
 MAX_SEARCH_INTERVAL_NS = 70_000_000
 """Longest time between two searched frames of a camera that is faster than that, in nanoseconds. A camera of 30 Hz has

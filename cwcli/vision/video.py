@@ -12,17 +12,15 @@ import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from itertools import groupby
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from cwcli.errors import InputError
+from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.encoded import Image
 from cwcli.vision.matroska import BLOCK_INTERVAL_MS, encode_matroska_block, encode_matroska_start
 from cwcli.vision.video_start import parameters_if_decodable_start
-
-if TYPE_CHECKING:
-    from cwcli.vision.camera import WidthHeightPx
 
 CODEC_OF_VIDEO_FORMAT = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}
 """Codec for each format that a message may name."""

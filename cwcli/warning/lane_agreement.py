@@ -8,16 +8,11 @@ boundary that a path crosses must have come nearer to the car, too.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
-
-if TYPE_CHECKING:
-    from cwcli.warning.types import LeftAndRight
-
+from cwcli.warning.types import LeftAndRight
 
 MAX_BOUNDARY_STEP_M, MAX_BOUNDARY_SPEED_MPS = 0.1, 1.5
 """A boundary beside the camera moves by at most 0.1 m plus 1.5 m/s times the time between two frames; more is a jump.

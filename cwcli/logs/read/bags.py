@@ -8,17 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing
-from typing import IO, TYPE_CHECKING
+from typing import IO
 
 from cwcli.errors import CwcliError, InputError
 from cwcli.input import InputFile
 from cwcli.logs.format.message_log import MessageLog
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.read.read_bounds import ReadBounds
+from cwcli.logs.read.source_format import SourceFormat
 from cwcli.output_stream import OutputStream
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.source_format import SourceFormat
 
 MAX_LOG_TIME_NS = (1 << 64) - 1
 """The greatest log time in ns: the format has 64 bits for it (MCAP specification)."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,11 +12,9 @@ from cwcli.logs.codecs.decoder import Decoder
 from cwcli.logs.codecs.registry import make_decoder
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.format.faults import Faults
+from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.message_reader import MessageBatch, MessageReader
 from cwcli.signals.columns import Columns
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.channels import ChannelInfo
 
 MAX_DECODE_BATCH_BYTES = 4 << 20
 """The size in bytes of the payloads that a decoder gets at once: its buffers for sequences are several times as large.

@@ -8,7 +8,6 @@ import heapq
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +17,11 @@ from cwcli.logs.codecs.compressed_messages import zstd_message_mask
 from cwcli.logs.codecs.decoder import Decoder
 from cwcli.logs.codecs.ros2msg import package_slash_message_name
 from cwcli.logs.format.faults import Faults
+from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.columns import check_single_schema, make_channel_decoder
 from cwcli.logs.read.message_reader import MessageBatch, MessageReader
 from cwcli.signals.columns import Field, Strings
 from cwcli.signals.units import NS_PER_S
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.channels import ChannelInfo
 
 IMAGE_DATA_FIELD = "data"
 """The field with the bytes of an image, in all supported message types."""

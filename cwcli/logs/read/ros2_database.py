@@ -14,7 +14,7 @@ from __future__ import annotations
 import sqlite3
 from collections import Counter
 from collections.abc import Generator, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from cwcli.errors import InputError, UsageError, install_hint
 from cwcli.input import InputFile
@@ -24,10 +24,8 @@ from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, ReadBounds
 from cwcli.logs.read.ros_definitions import MAX_CHANNELS, iter_schemas_and_channels
+from cwcli.logs.read.source_format import SourceFormat
 from cwcli.text import format_first_names
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.source_format import SourceFormat
 
 READABLE_SERIALIZATION_FORMAT = "cdr"
 """The serialization format of a topic that can be read."""

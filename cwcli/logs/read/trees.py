@@ -6,16 +6,13 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
-from typing import TYPE_CHECKING
 
 from cwcli.errors import InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.codecs.tree import Decode, UndecodableMessage, make_tree_decoder
+from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.columns import check_single_schema
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.channels import ChannelInfo
-    from cwcli.logs.read.message_reader import MessageReader
+from cwcli.logs.read.message_reader import MessageReader
 
 
 def read_first_message_trees(

@@ -11,11 +11,14 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Generator, Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from cwcli.errors import InputError
+from cwcli.input import InputFile
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.format.records import Channel, Schema
+from cwcli.logs.read.read_bounds import ReadBounds
+from cwcli.logs.read.source_format import SourceFormat
 from cwcli.logs.ros1.cdr_conversion import ConversionError, Ros1Converter
 from cwcli.logs.ros1.chunks import BAG_CHUNK_COMPRESSIONS, iter_unpacked_pieces
 from cwcli.logs.ros1.definitions import (
@@ -40,11 +43,6 @@ from cwcli.logs.ros1.records import (
     take_record_head,
 )
 from cwcli.signals.units import NS_PER_S
-
-if TYPE_CHECKING:
-    from cwcli.input import InputFile
-    from cwcli.logs.read.read_bounds import ReadBounds
-    from cwcli.logs.read.source_format import SourceFormat
 
 Content = Schema | Channel | tuple[int, int, bytes]
 """A schema, a channel, or the channel's number, log time in ns and payload of a message."""
