@@ -13,7 +13,6 @@ from importlib.resources import files
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.prediction.row_products import multiply_rows_reproducibly
 from cwcli.signals.columns import FloatArray
 
 FLEET_PRIOR_FILE = "fleet_prior.toml"
@@ -122,3 +121,15 @@ def time_between_knots_s(time_s: FloatArray) -> FloatArray:
             for start_s, knot_s in zip(before_s.tolist(), HORIZON_KNOTS_S.tolist(), strict=True)
         ]
     )
+
+
+def multiply_rows_reproducibly(weights: FloatArray, rows: FloatArray) -> FloatArray:
+    """`weights @ rows`, (n, k) times (k, m), for a small k.
+
+    BLAS adds in an order that depends on the number of rows. The last bit of a path would then depend on what comes
+    after it in the log.
+    """
+    out = np.multiply(weights[:, :1], rows[0])
+    for k in range(1, len(rows)):
+        out += weights[:, k : k + 1] * rows[k]
+    return np.asarray(out, np.float64)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.lazy_dataclass import replace
-from cwcli.prediction.fleet import HORIZON_KNOTS_S
+from cwcli.prediction.fleet import HORIZON_KNOTS_S, multiply_rows_reproducibly
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import ROWS_PER_BATCH
-from cwcli.prediction.row_products import multiply_rows_reproducibly
 from cwcli.signals.columns import FloatArray
 
 LogScales = FloatArray

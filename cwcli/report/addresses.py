@@ -171,7 +171,7 @@ class PageAddresses:
 def compare_warnings_of_runs(early: PageAddresses, late: PageAddresses) -> WarningDifferences:
     """Compare the warnings and missed conflicts of two runs; logs are paired by id, two single logs always.
 
-    A warning is the same one where its name is (`cwcli.report.anchor_names`): whom it was of, by which rule, and how
+    A warning is the same one where its name is (`cwcli.report.pairs`): whom it was of, by which rule, and how
     many such came before it.
 
     Args:

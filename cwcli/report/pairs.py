@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+from collections import Counter
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -13,7 +16,6 @@ from cwcli.measures.collision_time import TTC
 from cwcli.measures.deceleration import DRAC
 from cwcli.measures.distances import DISTANCE, GAP
 from cwcli.measures.pair import Pair, PairQuantity
-from cwcli.report.anchor_names import stable_anchor_names
 from cwcli.report.views import TableView
 from cwcli.signals.row_order import Rows
 from cwcli.signals.units import NS_PER_S
@@ -24,6 +26,8 @@ MAX_LISTED_PAIRS = 12
 """The greatest number of other vehicles in the table of extremes. Chosen by hand; not fitted."""
 MAX_LISTED_CONFLICTS = 200
 """The greatest number of conflicts in the table of conflicts. Chosen by hand; not fitted."""
+MIN_NAME_DIGITS = 4
+"""The least number of hexadecimal digits in an anchor's name. Chosen by hand; not fitted."""
 
 
 def warning_anchor_names(log: str, drive_encounters: DriveEncounters) -> list[str]:
@@ -118,3 +122,26 @@ def unwarned_conflict_links(drive_encounters: DriveEncounters, log: str) -> list
         for mark, e in named
         if not e.warning_ids
     ]
+
+
+def stable_anchor_names(log: str, kind: str, distinguishing_keys: Iterable[tuple[str, ...]]) -> list[str]:
+    """Return a name such as `warning-3f2a` for each item that a rerun keeps.
+
+    It is made of the log's name, of whom and by which rule, and of how many such came before it in the log: not of
+    times, which another version or option moves by some milliseconds. Names that agree by chance get more digits.
+
+    Args:
+        kind: `warning` or `conflict`.
+        distinguishing_keys: What tells them apart (rule, other vehicle), in order of time.
+    """
+    before: Counter[tuple[str, ...]] = Counter()
+    digests = []
+    for key in distinguishing_keys:
+        text = "\0".join((log, kind, *key, str(before[key])))
+        before[key] += 1
+        digests.append(hashlib.blake2s(text.encode("utf-8", "surrogateescape")).hexdigest())
+    short: dict[str, None] = {}  # in their order
+    for digest in digests:
+        length = next(n for n in range(MIN_NAME_DIGITS, len(digest) + 1) if digest[:n] not in short)
+        short[digest[:length]] = None
+    return [f"{kind}-{name}" for name in short]

@@ -20,7 +20,7 @@ from cwcli.channels.lanes import (
     make_lane_annotation_channel,
     make_lanes_channel,
 )
-from cwcli.channels.render_topic import check_render_topic_is_free, check_topic_name_if_given
+from cwcli.channels.painted_frames import check_render_topic_is_free, check_topic_name_if_given
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, run_record_entry_of_calibration_file
 from cwcli.lazy_dataclass import dataclass, replace

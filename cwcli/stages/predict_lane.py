@@ -13,6 +13,7 @@ import numpy as np
 
 from cwcli.channels.lanes import read_lanes
 from cwcli.channels.lateral_state import ObservedDrive, read_observed_drive
+from cwcli.channels.painted_frames import check_render_topic_is_free
 from cwcli.channels.path_image import (
     PathFrames,
     Viewpoint,
@@ -21,7 +22,6 @@ from cwcli.channels.path_image import (
 )
 from cwcli.channels.predicted_path import PredictedPaths, make_predicted_path_channel
 from cwcli.channels.published import EGO_STATE, LANES, OBSERVER, OBSERVER_PATH
-from cwcli.channels.render_topic import check_render_topic_is_free
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError, UsageError

@@ -378,7 +378,7 @@ OPENERS = {
     "conformance/clause.py": "comes with cwcli",
     "simulate/sensor_log.py": "comes with cwcli",
     "fleet/inputs.py": "the copy of a remote log",
-    "importing/progress_shares.py": "a pipe between the two processes of an import",
+    "importing/bounded_import.py": "a pipe between the two processes of an import",
     "fleet/merge.py": "a log of a shard, which it copies where it can't be linked",
     "fleet/folder.py": "what an earlier run into the same folder has done",
     "fleet/tables.py": "both ends of the tables that an earlier run into the same folder has written",

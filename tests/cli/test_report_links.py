@@ -13,7 +13,7 @@ import pytest
 from cwcli.cli.main import run_command_line
 from cwcli.report import addresses
 from cwcli.report.addresses import LinkTarget, PageAddresses, compare_warnings_of_runs
-from cwcli.report.anchor_names import stable_anchor_names
+from cwcli.report.pairs import stable_anchor_names
 from cwcli.report.source import LogEntry
 from tests.cli.browser import Elements, figures, visit
 from tests.cli.conftest import SAMPLES

@@ -69,8 +69,7 @@ class SpanOptions:
         Raises:
             UsageError: A time or a topic is not in the log, or the options name nothing.
         """
-        from cwcli.logs.read.topic_patterns import topics_matching_patterns
-        from cwcli.logs.write.cut import MAX_LOG_TIME_NS, CutSpan
+        from cwcli.logs.write.cut import MAX_LOG_TIME_NS, CutSpan, topics_matching_patterns
         from cwcli.pipeline.selection import resolve_selection
 
         if self.start is None and self.end is None and self.topics is None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections import Counter
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from cwcli.errors import InputError, UsageError, install_hint
@@ -23,7 +23,6 @@ from cwcli.logs.codecs.ros2idl import ros2msg_text_of_idl
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.read.read_bounds import BYTES_PER_GIGABYTE, ReadBounds
-from cwcli.logs.read.ros_definitions import MAX_CHANNELS, iter_schemas_and_channels
 from cwcli.logs.read.source_format import SourceFormat
 from cwcli.text import format_first_names
 
@@ -39,7 +38,6 @@ MAX_DEFINITIONS_BYTES = 16_000_000
 """The greatest size of all definitions of a database. Chosen by hand."""
 BOUND_CHARACTERS_PER_IDL_CHARACTER = 4
 """A character of IDL counts as four towards that size. Chosen by hand: a megabyte of it takes 0.6 s."""
-
 NEEDED_COLUMNS_BY_TABLE = {
     "topics": {"id", "name", "type", "serialization_format"},
     "messages": {"topic_id", "timestamp", "data"},
@@ -51,8 +49,9 @@ LONG_MESSAGES_NOTE = "messages of more than --max-chunk, not read"
 """The note on rows that are too long."""
 COMPRESSED_MESSAGES_NOTE = "compressed messages that can't be unpacked, or are too large"
 """The note on messages that stay compressed."""
-
 Content = Schema | Channel | tuple[int, int, bytes]
+MAX_CHANNELS = 0xFFFF
+"""The greatest number of channels: the format has 16 bits for their ids, from 1 on (MCAP specification)."""
 
 
 class TopicRow(NamedTuple):
@@ -237,3 +236,47 @@ def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: d
 
 def _shorten_value(value: object) -> str:
     return str(value)[:MAX_SHOWN_VALUE_CHARS]
+
+
+def iter_schemas_and_channels(
+    connections: Any, definitions_of_recording: Mapping[str, bytes | SchemaError], store: Any, notes: dict[str, int]
+) -> Iterator[Schema | Channel]:
+    """Yield schemas and channels; channels of undefined types have no schema, which `notes` gets.
+
+    Args:
+        connections: Topics with `id`, `topic` and `msgtype`.
+        definitions_of_recording: Type -> its definition (`ros2msg`), or why the one in IDL is not read.
+        store: Type store of `rosbags` for other types, or None.
+        notes: Gets undefined types, as text -> 1.
+
+    Raises:
+        ValueError: There are more topics than a log has ids for.
+    """
+    schema_ids: dict[str, int] = {}
+    unknown: dict[str, str] = {}
+    if len(connections) > MAX_CHANNELS:
+        raise ValueError(f"it has {len(connections)} topics, and a log has room for {MAX_CHANNELS}")
+    for each in connections:
+        if each.msgtype not in schema_ids:
+            text = definitions_of_recording.get(each.msgtype) or _definition_from_store(store, each.msgtype)
+            if text is None or isinstance(text, SchemaError):
+                what = "without a definition" if text is None else "whose definition in IDL is not read"
+                unknown[each.msgtype] = f"message types {what} ({each.msgtype}{'' if text is None else f': {text}'})"
+                schema_ids[each.msgtype] = 0
+            else:
+                schema_ids[each.msgtype] = len(schema_ids) + 1
+                yield Schema(schema_ids[each.msgtype], each.msgtype, "ros2msg", text)
+        yield Channel(each.id, schema_ids[each.msgtype], each.topic, "cdr", {})
+    notes.update((unknown[name], 1) for name in sorted(unknown))
+
+
+def _definition_from_store(store: Any, name: str) -> bytes | None:
+    """Return the definition of a type that a type store knows, else None."""
+    if store is None:
+        return None
+    from rosbags.typesys import TypesysError
+
+    try:
+        return str(store.generate_msgdef(name, ros_version=2)[0]).encode()
+    except (KeyError, TypesysError, RecursionError):
+        return None

@@ -20,7 +20,6 @@ from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 from cwcli.logs.ros1.cdr_conversion import ConversionError, Ros1Converter
-from cwcli.logs.ros1.chunks import BAG_CHUNK_COMPRESSIONS, iter_unpacked_pieces
 from cwcli.logs.ros1.definitions import (
     MAX_DEFINITION_BYTES,
     definition_checksum,
@@ -28,6 +27,7 @@ from cwcli.logs.ros1.definitions import (
     ros2_definition_text,
 )
 from cwcli.logs.ros1.records import (
+    BAG_CHUNK_COMPRESSIONS,
     LENGTH_STRUCT,
     BagError,
     EndOfRecordsError,
@@ -38,6 +38,7 @@ from cwcli.logs.ros1.records import (
     header_number,
     header_text,
     iter_file_pieces,
+    iter_unpacked_pieces,
     parse_header,
     ros_time_to_ns,
     take_record_head,

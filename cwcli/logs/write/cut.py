@@ -9,14 +9,15 @@ their own with their own log times. Metadata records are copied, and attachments
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.chunks import stored_chunk_bytes
 from cwcli.logs.format.faults import Faults
@@ -341,3 +342,35 @@ def iter_records_of_span(batch: MessageBatch, first_ns: int, last_ns: int) -> It
     data = batch.payloads.data.data
     for start, end in zip(starts[first_rows].tolist(), ends[last_rows].tolist(), strict=True):
         yield data[start:end]
+
+
+def topics_matching_patterns(patterns: str, known_topics: Sequence[str], where: str) -> frozenset[str]:
+    """Return the topics that some patterns, separated by commas, name.
+
+    A name that is a topic of the log stands for itself, whatever characters it has.
+
+    Raises:
+        UsageError: A pattern names no topic.
+    """
+    found: set[str] = set()
+    for pattern in (each.strip() for each in patterns.split(",")):
+        if not pattern:
+            raise UsageError(f"the list of topics {patterns!r} has an empty name", where=where)
+        own = (
+            {pattern}
+            if pattern in known_topics
+            else {topic for topic in known_topics if _does_topic_match_pattern(topic, pattern)}
+        )
+        if not own:
+            raise UsageError(
+                f"no topic is called {pattern}",
+                where=where,
+                hint=hint_at_closest_or_all_known_names(pattern, known_topics, "topics"),
+            )
+        found |= own
+    return frozenset(found)
+
+
+def _does_topic_match_pattern(topic: str, pattern: str) -> bool:
+    """Tell whether a topic matches a pattern in which `*` alone is special."""
+    return fnmatchcase(topic, pattern.replace("[", "[[]").replace("?", "[?]"))

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.simulation.road.camera import RoadCamera
-from cwcli.simulation.road.canvas import FilledShape, draw_shapes
 from cwcli.simulation.road.geometry import RoadAhead
 from cwcli.simulation.road.lamps import Lamp
 from cwcli.simulation.road.scene import Light, RoadScene, SceneVehicle
 from cwcli.simulation.road.surface import Float32Array
-from cwcli.simulation.road.trees import N_TREE_SHAPES, draw_tree
 
 MIN_PROJECTED_DISTANCE_M = 0.5
 """Smallest distance ahead at which points are projected, m; nearer ones are moved there. Chosen by hand; not fitted."""
@@ -36,6 +37,25 @@ RAIL_PIECE_EDGES_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
 fitted."""
 MAX_PATCH_AND_SHADOW_DISTANCE_M = 150.0
 """Distance ahead beyond which vehicles and posts are not drawn, m. Chosen by hand; not fitted."""
+FINE_SUBSAMPLES, COARSE_SUBSAMPLES = 4, 2
+"""Sub-samples per pixel in each direction, for small and for large objects. Chosen by hand; not fitted."""
+MIN_AREA_FOR_COARSE_SUBSAMPLES_PX = 12000
+"""Area of the drawn part of the image from which coarse sub-samples are used, px. Chosen by hand; not fitted."""
+CORNER_FRACTION_BITS = 4
+"""Number of fraction bits of the polygons' corners. Chosen by hand; not fitted."""
+N_TREE_SHAPES = 12
+"""Number of different tree shapes. Chosen by hand; not fitted."""
+TREE_IMAGE_SIZE_PX = 96
+"""Height and width at which tree shapes are made, px. Chosen by hand; not fitted."""
+
+
+@dataclass(frozen=True)
+class FilledShape:
+    """A filled polygon with corners (n, 2) as (u, v), px, or an ellipse in the box of two corners; grey 0 to 255."""
+
+    corners: FloatArray
+    grey: float
+    is_ellipse: bool = False
 
 
 class _RoadView:
@@ -224,3 +244,111 @@ def _draw_trees(image: Float32Array, view: _RoadView, scene: RoadScene) -> None:
         box = view.project_body_points(np.full(2, x), np.array([y + wide, y - wide]), np.array([tall, -0.1]))
         dark, light = (view.grey_at_distance(grey, x) for grey in (30.0, rng.uniform(70.0, 100.0)))
         draw_tree(image, box, int(rng.integers(0, N_TREE_SHAPES)), dark, light)
+
+
+def draw_shapes(
+    image: Float32Array, shapes: Sequence[FilledShape], *, opacity: float = 1.0, hidden: BoolArray | None = None
+) -> None:
+    """Draw shapes over each other, then their union over the image, in place.
+
+    Args:
+        shapes: Shapes in drawing order; those with a corner that is not finite are left out.
+        opacity: Opacity of the union, 0 to 1.
+        hidden: Shape (height, width), if given: pixels that are covered by half or more become True.
+    """
+    import cv2
+
+    shapes = [shape for shape in shapes if np.isfinite(shape.corners).all()]
+    if not shapes:
+        return
+    height, width = image.shape
+    low = np.floor(np.min([shape.corners.min(axis=0) for shape in shapes], axis=0)) - 1
+    high = np.ceil(np.max([shape.corners.max(axis=0) for shape in shapes], axis=0)) + 2
+    u0, v0 = (int(value) for value in np.clip(low, 0, (width, height)))
+    u1, v1 = (int(value) for value in np.clip(high, 0, (width, height)))
+    if u1 <= u0 or v1 <= v0:
+        return
+    scale = COARSE_SUBSAMPLES if (u1 - u0) * (v1 - v0) > MIN_AREA_FOR_COARSE_SUBSAMPLES_PX else FINE_SUBSAMPLES
+    grey = np.zeros(((v1 - v0) * scale, (u1 - u0) * scale), np.uint8)
+    mask = np.zeros_like(grey)
+    for shape in shapes:
+        corners = np.clip((shape.corners - (u0, v0) + 0.5) * scale - 0.5, -20000, 20000)
+        fixed = np.round(corners * (1 << CORNER_FRACTION_BITS)).astype(np.int32)
+        value = float(np.clip(shape.grey, 0, 255))
+        if shape.is_ellipse:
+            middle, axes = fixed.mean(axis=0).astype(int), (np.abs(fixed[1] - fixed[0]) // 2).astype(int)
+            for layer, paint in ((grey, value), (mask, 255.0)):
+                cv2.ellipse(
+                    layer,
+                    (int(middle[0]), int(middle[1])),
+                    (int(axes[0]), int(axes[1])),
+                    0, 0, 360, (paint,), -1, cv2.LINE_8, CORNER_FRACTION_BITS,
+                )  # fmt: skip
+        else:
+            cv2.fillPoly(grey, [fixed], (value,), cv2.LINE_8, CORNER_FRACTION_BITS)
+            cv2.fillPoly(mask, [fixed], (255.0,), cv2.LINE_8, CORNER_FRACTION_BITS)
+    size = (u1 - u0, v1 - v0)
+    share = cv2.resize(mask, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
+    value_px = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+    part = image[v0:v1, u0:u1]
+    part *= 1.0 - opacity * share
+    part += opacity * value_px
+    if hidden is not None and opacity == 1.0:
+        hidden[v0:v1, u0:u1] |= share >= 0.5
+
+
+@cache
+def _make_tree_shape_cover_and_light(shape_number: int) -> tuple[Float32Array, Float32Array]:
+    """Make a tree shape: its cover and its light, 0 to 1, (96, 96) each."""
+    rng = np.random.default_rng([11, shape_number])
+    v, u = np.mgrid[0:TREE_IMAGE_SIZE_PX, 0:TREE_IMAGE_SIZE_PX] / (TREE_IMAGE_SIZE_PX - 1.0)
+    freq = np.fft.fftfreq(TREE_IMAGE_SIZE_PX)
+    radius = np.hypot(freq[:, None], freq[None, :])
+
+    def smoothed_unit_noise(sigma_px: float) -> FloatArray:
+        filtered = np.fft.ifft2(
+            np.fft.fft2(rng.standard_normal(u.shape)) * np.exp(-2 * (np.pi * radius * sigma_px) ** 2)
+        )
+        return np.asarray(filtered.real / filtered.real.std())
+
+    top, low = 0.02, rng.uniform(0.7, 0.95)  # of the crown; the rest is trunk
+    middle, half = (top + low) / 2, (low - top) / 2
+    power = rng.uniform(1.6, 2.6)
+    inside = 1.0 - np.abs((u - 0.5) / 0.42) ** power - np.abs((v - middle) / half) ** power
+    field = inside + 0.22 * smoothed_unit_noise(9.0) + 0.14 * smoothed_unit_noise(3.0)
+    crown = np.clip(field * 8.0 + 0.5, 0.0, 1.0) * np.clip(0.85 + 0.25 * smoothed_unit_noise(1.2), 0.0, 1.0)
+    trunk = (np.abs(u - 0.5 - 0.02 * smoothed_unit_noise(12.0)) < 0.025) & (v > middle)
+    cover = np.maximum(crown, trunk)
+    light = 0.5 + 0.35 * (middle - v) / half + 0.12 * smoothed_unit_noise(2.5) + 0.10 * smoothed_unit_noise(7.0)
+    light = np.where(trunk & (crown < 0.5), 0.25, light)
+    return np.asarray(cover, np.float32), np.clip(light, 0.0, 1.0).astype(np.float32)
+
+
+def draw_tree(image: Float32Array, box: FloatArray, number: int, dark: float, light: float) -> None:
+    """Draw a tree into a box, in place.
+
+    Args:
+        box: Shape (2, 2): top left and bottom right corner (u, v).
+        number: Number of the tree shape, 0 to 11.
+        dark, light: Greys of its shadow and light sides.
+    """
+    import cv2
+
+    if not np.isfinite(box).all():
+        return
+    u0, v0 = np.floor(box.min(axis=0)).astype(int)
+    u1, v1 = np.ceil(box.max(axis=0)).astype(int)
+    height, width = image.shape
+    if u1 - u0 < 2 or v1 - v0 < 2 or max(u1 - u0, v1 - v0) > 8 * max(width, height):
+        return
+    left, top, right, bottom = max(u0, 0), max(v0, 0), min(u1, width), min(v1, height)
+    if left >= right or top >= bottom:
+        return
+    size = (int(u1 - u0), int(v1 - v0))
+    how = cv2.INTER_AREA if size[0] < TREE_IMAGE_SIZE_PX else cv2.INTER_LINEAR
+    inside = (slice(top - v0, bottom - v0), slice(left - u0, right - u0))
+    cover, shine = (
+        cv2.resize(layer, size, interpolation=how)[inside] for layer in _make_tree_shape_cover_and_light(number)
+    )
+    part = image[top:bottom, left:right]
+    part += cover * (dark + (light - dark) * shine - part)

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from cwcli.importing import load
-from cwcli.importing.bounded_import import import_files
-from cwcli.importing.progress_shares import ShareReport, open_pipe_for_shares
+from cwcli.importing.bounded_import import ShareReport, import_files, open_pipe_for_shares
 from cwcli.importing.readers import delimited
 from cwcli.importing.run import plan_import
 from cwcli.importing.tables import Answers

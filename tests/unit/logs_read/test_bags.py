@@ -30,7 +30,7 @@ from cwcli.logs.format.message_log import MessageLog
 from cwcli.logs.read.bags import convert_bag
 from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.reader import Log
-from cwcli.logs.read.ros_definitions import iter_schemas_and_channels
+from cwcli.logs.read.ros2_database import iter_schemas_and_channels
 from cwcli.logs.read.source_format import SourceFormat
 from cwcli.logs.read.sqlite_files import open_database
 from cwcli.logs.write.annotate import annotate_log

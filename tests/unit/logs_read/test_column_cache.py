@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.logs.read import column_cache
+from cwcli.logs.read import reader
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import OutputChannel
 
@@ -30,7 +30,7 @@ def test_a_later_stage_gets_the_same_columns() -> None:
 
 
 def test_long_topics_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(column_cache, "MAX_CACHED_ROWS", 10)
+    monkeypatch.setattr(reader, "MAX_CACHED_ROWS", 10)
     with Log.open(LOG) as log:
         topic = a_topic(log)
         assert log.columns(topic, []) is not log.columns(topic, [])

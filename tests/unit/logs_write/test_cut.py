@@ -11,8 +11,7 @@ from mcap.writer import Writer
 from cwcli.errors import InputError, UsageError
 from cwcli.logs.format.chunks import decompress_chunk
 from cwcli.logs.read.reader import Log
-from cwcli.logs.read.topic_patterns import topics_matching_patterns
-from cwcli.logs.write.cut import CutReport, CutSpan, cut_log
+from cwcli.logs.write.cut import CutReport, CutSpan, cut_log, topics_matching_patterns
 from tests.unit.logs_write.builders import MILLISECOND, T0_NS, Content, read_content, write_log
 from tests.unit.logs_write.test_annotate import SOURCES, chunk_bytes
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.prediction.fleet import HORIZON_KNOTS_S, interpolate_acting_time_s
+from cwcli.prediction.fleet import HORIZON_KNOTS_S, interpolate_acting_time_s, multiply_rows_reproducibly
 from cwcli.prediction.outcome_history import PathStarts, measure_acting_time_s
-from cwcli.prediction.row_products import multiply_rows_reproducibly
 from cwcli.prediction.scales import interpolate_log_scale
 
 N = 400

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from cwcli.report import anchor_names as marks_module
-from cwcli.report.anchor_names import MIN_NAME_DIGITS, stable_anchor_names
+from cwcli.report import pairs as marks_module
+from cwcli.report.pairs import MIN_NAME_DIGITS, stable_anchor_names
 
 
 def test_names_that_agree_by_chance_get_more_digits() -> None:

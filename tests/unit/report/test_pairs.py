@@ -10,8 +10,13 @@ import numpy as np
 from cwcli.digest.drive import OtherTrack
 from cwcli.digest.encounters import find_encounters
 from cwcli.measures.pair import ActualTrack
-from cwcli.report.anchor_names import stable_anchor_names
-from cwcli.report.pairs import MAX_LISTED_CONFLICTS, conflicts_table, pair_extremes_table, unwarned_conflict_links
+from cwcli.report.pairs import (
+    MAX_LISTED_CONFLICTS,
+    conflicts_table,
+    pair_extremes_table,
+    stable_anchor_names,
+    unwarned_conflict_links,
+)
 from tests.unit.report.test_encounters import NORTH, drive, straight, warning
 
 

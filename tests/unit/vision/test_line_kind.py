@@ -10,8 +10,7 @@ import pytest
 from cwcli.signals.lane_geometry import Pinhole
 from cwcli.vision.boundary import Boundary, LineColour, LineKind
 from cwcli.vision.lane_detect import StripeEvidence
-from cwcli.vision.line_classifier import LineClassifier
-from cwcli.vision.line_colour import classify_line_colours
+from cwcli.vision.line_classifier import LineClassifier, classify_line_colours
 from cwcli.vision.line_kind import classify_line_kind, classify_lines_in_frame, fill_worn_holes, split_into_stretches
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState
 from tests.studies.lane_kinds import in_colour, planned, watched
