@@ -12,7 +12,7 @@ from cwcli.control.controller import speed_difference_along_heading_mps
 from cwcli.control.encounter import BRAKING_POLICY_NAMES, ReplayedWarning
 from cwcli.lazy_dataclass import dataclass
 from cwcli.measures.outlines import signed_outline_distance_m
-from cwcli.metrics.table import ColumnDoc, Table, table_from_records
+from cwcli.metrics.table import ColumnSpec, Table, docs_of_columns, table_from_records
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
@@ -115,7 +115,7 @@ def control_table_by_warning_and_policy(replayed: Sequence[PublishedReplay], pre
         for one in replayed
         for policy in range(len(BRAKING_POLICY_NAMES))
     ]
-    return table_from_records("control", _CONTROL_COLUMN_TYPES, records, docs=_CONTROL_COLUMN_DOCS)
+    return table_from_records("control", _CONTROL_COLUMNS, records)
 
 
 def control_table_row(replay: PublishedReplay, policy: int, predictor: str, rule: str) -> dict[str, Any]:
@@ -164,74 +164,53 @@ def control_series_table(replayed: Sequence[PublishedReplay]) -> Table:
             }
             parts.append(labels | one.time_series_columns(policy, rows))
     columns: dict[str, Any] = {}
-    for name, kind in _SERIES_COLUMN_TYPES.items():
+    for name, spec in _SERIES_COLUMNS.items():
         series = np.concatenate([part[name] for part in parts]) if parts else np.zeros(0)
-        columns[name] = [str(value) for value in series] if kind is str else series.astype(kind)
-    return Table("control_series", columns, docs=_SERIES_COLUMN_DOCS)
+        columns[name] = [str(value) for value in series] if spec.kind is str else series.astype(spec.kind)
+    return Table("control_series", columns, docs=docs_of_columns(_SERIES_COLUMNS))
 
 
-_CONTROL_COLUMN_TYPES: dict[str, type] = {
-    "event_id": int,
-    "other_id": str,
-    "policy": str,
-    "predictor": str,
-    "rule": str,
-    "warning_stamp_ns": int,
-    "warning_distance_m": float,
-    "warning_speed_mps": float,
-    "is_behind": bool,
-    "collided": bool,
-    "collision_stamp_ns": int,
-    "impact_speed_mps": float,
-    "min_distance_m": float,
-    "min_distance_stamp_ns": int,
-    "min_gap_m": float,
-    "peak_deceleration_mps2": float,
-    "peak_jerk_mps3": float,
-    "stopped_stamp_ns": int,
-    "end_stamp_ns": int,
-    "end_speed_mps": float,
-    "end_distance_m": float,
-    "extrapolated_s": float,
+_CONTROL_COLUMNS = {
+    "event_id": ColumnSpec(int, "number of the warning in this replay, from 1"),
+    "other_id": ColumnSpec(str),
+    "policy": ColumnSpec(str),
+    "predictor": ColumnSpec(str),
+    "rule": ColumnSpec(str),
+    "warning_stamp_ns": ColumnSpec(int),
+    "warning_distance_m": ColumnSpec(float),
+    "warning_speed_mps": ColumnSpec(float),
+    "is_behind": ColumnSpec(bool, "the other vehicle is behind the host at the warning; it does not react"),
+    "collided": ColumnSpec(bool, "the reference points came nearer than 2.5 m (song2016)"),
+    "collision_stamp_ns": ColumnSpec(int, "-1: no collision"),
+    "impact_speed_mps": ColumnSpec(float, "relative speed at the collision; NaN: none"),
+    "min_distance_m": ColumnSpec(float, "least distance of the reference points from the warning on"),
+    "min_distance_stamp_ns": ColumnSpec(int),
+    "min_gap_m": ColumnSpec(float, "least gap between the outlines from the warning on; negative: overlap"),
+    "peak_deceleration_mps2": ColumnSpec(float, "largest from the warning on; no-action: that of the estimated states"),
+    "peak_jerk_mps3": ColumnSpec(
+        float, "largest magnitude from the warning on; no-action: that of the estimated states"
+    ),
+    "stopped_stamp_ns": ColumnSpec(int, "-1: does not stop"),
+    "end_stamp_ns": ColumnSpec(int),
+    "end_speed_mps": ColumnSpec(float),
+    "end_distance_m": ColumnSpec(float),
+    "extrapolated_s": ColumnSpec(float, "how long the replay continues after the last recorded state"),
 }
-"""Types of the columns of the table `control`."""
-_CONTROL_COLUMN_DOCS = {
-    "event_id": ColumnDoc(doc="number of the warning in this replay, from 1"),
-    "is_behind": ColumnDoc(doc="the other vehicle is behind the host at the warning; it does not react"),
-    "collided": ColumnDoc(doc="the reference points came nearer than 2.5 m (song2016)"),
-    "collision_stamp_ns": ColumnDoc(doc="-1: no collision"),
-    "impact_speed_mps": ColumnDoc(doc="relative speed at the collision; NaN: none"),
-    "min_distance_m": ColumnDoc(doc="least distance of the reference points from the warning on"),
-    "min_gap_m": ColumnDoc(doc="least gap between the outlines from the warning on; negative: overlap"),
-    "peak_deceleration_mps2": ColumnDoc(doc="largest from the warning on; no-action: that of the estimated states"),
-    "peak_jerk_mps3": ColumnDoc(doc="largest magnitude from the warning on; no-action: that of the estimated states"),
-    "stopped_stamp_ns": ColumnDoc(doc="-1: does not stop"),
-    "extrapolated_s": ColumnDoc(doc="how long the replay continues after the last recorded state"),
+"""Columns of the table `control`."""
+_SERIES_COLUMNS = {
+    "event_id": ColumnSpec(int),
+    "other_id": ColumnSpec(str),
+    "policy": ColumnSpec(str),
+    "stamp_ns": ColumnSpec(int),
+    "since_warning_s": ColumnSpec(float),
+    "distance_m": ColumnSpec(float, "distance of the reference points"),
+    "gap_m": ColumnSpec(float, "gap between the outlines; negative: overlap"),
+    "host_speed_mps": ColumnSpec(float),
+    "other_speed_mps": ColumnSpec(float),
+    "speed_difference_mps": ColumnSpec(float, "song2016 eq. 11"),
+    "accel_mps2": ColumnSpec(float),
+    "throttle": ColumnSpec(float, "commanded opening, 0 to 1"),
+    "brake_pressure_mpa": ColumnSpec(float, "built-up pressure", unit="MPa"),
+    "is_extrapolated": ColumnSpec(bool, "one of the two motions is extrapolated, not recorded"),
 }
-"""Explanations of the columns of the table `control`."""
-_SERIES_COLUMN_TYPES: dict[str, type] = {
-    "event_id": int,
-    "other_id": str,
-    "policy": str,
-    "stamp_ns": int,
-    "since_warning_s": float,
-    "distance_m": float,
-    "gap_m": float,
-    "host_speed_mps": float,
-    "other_speed_mps": float,
-    "speed_difference_mps": float,
-    "accel_mps2": float,
-    "throttle": float,
-    "brake_pressure_mpa": float,
-    "is_extrapolated": bool,
-}
-"""Types of the columns of the table `control_series`."""
-_SERIES_COLUMN_DOCS = {
-    "distance_m": ColumnDoc(doc="distance of the reference points"),
-    "gap_m": ColumnDoc(doc="gap between the outlines; negative: overlap"),
-    "speed_difference_mps": ColumnDoc(doc="song2016 eq. 11"),
-    "throttle": ColumnDoc(doc="commanded opening, 0 to 1"),
-    "brake_pressure_mpa": ColumnDoc(unit="MPa", doc="built-up pressure"),
-    "is_extrapolated": ColumnDoc(doc="one of the two motions is extrapolated, not recorded"),
-}
-"""Explanations of the columns of the table `control_series`."""
+"""Columns of the table `control_series`."""

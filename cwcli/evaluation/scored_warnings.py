@@ -24,7 +24,7 @@ from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.measures import MEASURES
 from cwcli.measures.distances import GAP
 from cwcli.measures.pair import ActualTrack, Pair
-from cwcli.metrics.table import ColumnDoc, Table, table_from_records
+from cwcli.metrics.table import ColumnSpec, Table, table_from_records
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.pair import PairEvaluation
@@ -197,7 +197,7 @@ def _add_verdict_and_least_gap_columns(events: Table, verdicts: Sequence[tuple[W
         }
         for verdict, least_gap_m in verdicts
     ]
-    more = table_from_records(events.name, _VERDICT_COLUMN_TYPES, records, docs=_VERDICT_COLUMN_DOCS)
+    more = table_from_records(events.name, _VERDICT_COLUMNS, records)
     return replace(events, columns={**events.columns, **more.columns}, docs={**events.docs, **more.docs})
 
 
@@ -223,7 +223,7 @@ def _build_conflicts_table(pairs: Sequence[ScoredPair], ids: EventIdByPairAndEve
                 }
             )
     rows.sort(key=lambda row: (int(row["onset_stamp_ns"]), str(row["other_id"])))
-    return table_from_records("conflicts", _CONFLICT_COLUMN_TYPES, rows, docs={"least_gap_m": LEAST_GAP_DOC})
+    return table_from_records("conflicts", _CONFLICT_COLUMNS, rows)
 
 
 def _build_pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
@@ -248,10 +248,8 @@ def _build_pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
                 **{measure.extreme_column_name: measure.most_critical_value(pair.actual) for measure in measures},
             }
         )
-    docs = {measure.extreme_column_name: ColumnDoc(doc=measure.note) for measure in measures if measure.note}
-    return table_from_records(
-        "pairs", _PAIR_COLUMN_TYPES | {measure.extreme_column_name: float for measure in measures}, rows, docs=docs
-    )
+    of_measures = {measure.extreme_column_name: ColumnSpec(float, measure.note) for measure in measures}
+    return table_from_records("pairs", _PAIR_COLUMNS | of_measures, rows)
 
 
 def _build_scores_table(scores: WarningScores, rule: str, n_withheld: int, *, n_crashes: int) -> Table:
@@ -274,50 +272,45 @@ def _build_scores_table(scores: WarningScores, rule: str, n_withheld: int, *, n_
         "lead_time_min_s": min(leads, default=float("nan")),
         "host_hours": scores.host_hours,
     }
-    return table_from_records("scores", {name: type(value) for name, value in row.items()}, [row])
+    return table_from_records("scores", {name: ColumnSpec(type(value)) for name, value in row.items()}, [row])
 
 
-_VERDICT_COLUMN_TYPES: dict[str, type] = {
-    "verdict": str,
-    "lead_time_s": float,
-    "closest_stamp_ns": int,
-    "closest_distance_m": float,
-    "least_gap_m": float,
+_LEAST_GAP_COLUMN = ColumnSpec(
+    float, "least distance of the outlines in the real conflict; 0 or less: they touched, a crash"
+)
+"""The column `least_gap_m` of the tables `events` and `conflicts`."""
+_VERDICT_COLUMNS = {
+    "verdict": ColumnSpec(str, "true, late, false or undecided; see docs/warning.md"),
+    "lead_time_s": ColumnSpec(float, "onset of the real conflict minus the time of the warning"),
+    "closest_stamp_ns": ColumnSpec(int, "real closest approach of the centres; -1: not known"),
+    "closest_distance_m": ColumnSpec(float),
+    "least_gap_m": _LEAST_GAP_COLUMN,
 }
-"""Types of the columns that verdicts add to the table of events."""
-LEAST_GAP_DOC = ColumnDoc(doc="least distance of the outlines in the real conflict; 0 or less: they touched, a crash")
-"""Description of the column `least_gap_m` of the tables `events` and `conflicts`."""
-_VERDICT_COLUMN_DOCS = {
-    "verdict": ColumnDoc(doc="true, late, false or undecided; see docs/warning.md"),
-    "lead_time_s": ColumnDoc(doc="onset of the real conflict minus the time of the warning"),
-    "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),
-    "least_gap_m": LEAST_GAP_DOC,
+"""Columns that verdicts add to the table of events."""
+_CONFLICT_COLUMNS = {
+    "host_id": ColumnSpec(str),
+    "other_id": ColumnSpec(str),
+    "onset_stamp_ns": ColumnSpec(int),
+    "end_stamp_ns": ColumnSpec(int),
+    "closest_stamp_ns": ColumnSpec(int),
+    "closest_distance_m": ColumnSpec(float),
+    "least_gap_m": _LEAST_GAP_COLUMN,
+    "event_id": ColumnSpec(int),
+    "lead_time_s": ColumnSpec(float),
+    "outcome": ColumnSpec(str),
 }
-"""Descriptions of the columns that verdicts add."""
-_CONFLICT_COLUMN_TYPES: dict[str, type] = {
-    "host_id": str,
-    "other_id": str,
-    "onset_stamp_ns": int,
-    "end_stamp_ns": int,
-    "closest_stamp_ns": int,
-    "closest_distance_m": float,
-    "least_gap_m": float,
-    "event_id": int,
-    "lead_time_s": float,
-    "outcome": str,
+"""Columns of the table `conflicts`."""
+_PAIR_COLUMNS = {
+    "host_id": ColumnSpec(str),
+    "other_id": ColumnSpec(str),
+    "n_evaluated": ColumnSpec(int),
+    "n_out_of_reach": ColumnSpec(int),
+    "n_unheard": ColumnSpec(int),
+    "n_stale": ColumnSpec(int),
+    "n_beyond_path": ColumnSpec(int),
+    "n_not_finite": ColumnSpec(int),
+    "n_withheld": ColumnSpec(int),
+    "n_events": ColumnSpec(int),
+    "n_conflicts": ColumnSpec(int),
 }
-"""Types of the columns of the table `conflicts`."""
-_PAIR_COLUMN_TYPES: dict[str, type] = {
-    "host_id": str,
-    "other_id": str,
-    "n_evaluated": int,
-    "n_out_of_reach": int,
-    "n_unheard": int,
-    "n_stale": int,
-    "n_beyond_path": int,
-    "n_not_finite": int,
-    "n_withheld": int,
-    "n_events": int,
-    "n_conflicts": int,
-}
-"""Types of the columns of the table `pairs`; the measures follow them."""
+"""Columns of the table `pairs`; the measures follow them."""

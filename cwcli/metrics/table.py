@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -127,23 +127,26 @@ class Table:
         return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
 
 
-def table_from_records(
-    name: str,
-    kinds: Mapping[str, type],
-    records: Sequence[Mapping[str, Any]],
-    docs: Mapping[str, ColumnDoc] | None = None,
-) -> Table:
-    """Build a table from records; without records it has its columns all the same.
+class ColumnSpec(NamedTuple):
+    """The type of a column's values, `int`, `float`, `bool` or `str`, and its description as in `ColumnDoc`."""
 
-    Args:
-        kinds: Column name -> `int`, `float`, `bool` or `str`.
-        docs: As in `Table`.
-    """
+    kind: type
+    doc: str = ""
+    unit: str = ""
+
+
+def table_from_records(name: str, specs: Mapping[str, ColumnSpec], records: Sequence[Mapping[str, Any]]) -> Table:
+    """Build a table from records; without records it has its columns all the same."""
     columns: dict[str, TableColumn] = {}
-    for key, kind in kinds.items():
+    for key, spec in specs.items():
         values = [record[key] for record in records]
-        columns[key] = values if kind is str else np.array(values, dtype=kind)
-    return Table(name, columns, docs or {})
+        columns[key] = values if spec.kind is str else np.array(values, dtype=spec.kind)
+    return Table(name, columns, docs_of_columns(specs))
+
+
+def docs_of_columns(specs: Mapping[str, ColumnSpec]) -> dict[str, ColumnDoc]:
+    """Return the descriptions of the columns that have one."""
+    return {key: ColumnDoc(unit=spec.unit, doc=spec.doc) for key, spec in specs.items() if spec.doc}
 
 
 def unit_of_column(column_name: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.metrics.table import ColumnDoc, Table, table_from_records
+from cwcli.metrics.table import ColumnSpec, Table, table_from_records
 from cwcli.signals.columns import Strings, repeat_string
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.kinds import WarningKind
@@ -113,7 +113,7 @@ def warning_events_table(
                 }
             )
     rows.sort(key=lambda row: int(row["event_id"]))
-    return table_from_records("events", _EVENT_TYPES, rows, docs=_EVENT_DOCS)
+    return table_from_records("events", _EVENT_COLUMNS, rows)
 
 
 def evaluation_series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
@@ -154,39 +154,28 @@ _MEASURE_FIELDS_BY_SERIES_COLUMN = {
     **{name: name for name in ("entry_s", "overlap_s", "probability", "braked_probability")},
 }
 """Columns of the table of evaluations, in order -> fields of `Measures`."""
-_EVENT_TYPES: dict[str, type] = {
-    "event_id": int,
-    "rule": str,
-    "host_id": str,
-    "other_id": str,
-    "raised_ns": int,
-    "last_held_ns": int,
-    "cleared_ns": int,
-    "duration_s": float,
-    "raised_stamp_ns": int,
-    "last_held_stamp_ns": int,
-    "cleared_stamp_ns": int,
-    "time_to_event_s": float,
-    "predicted_distance_m": float,
-    "distance_m": float,
-    "ttc_s": float,
-    "probability": float,
-    "alert_probability": float,
-    "max_probability": float,
-    "age_s": float,
-    "kind": str,
-}
-"""Types of the columns of the table of events, in order."""
-_EVENT_DOCS = {
-    "raised_ns": ColumnDoc(doc="when the warning could be given; for states in hindsight their stamp"),
-    "cleared_ns": ColumnDoc(doc="-1: still active at the end of the log"),
-    "raised_stamp_ns": ColumnDoc(doc="stamp of the host's state at which it was raised"),
-    "cleared_stamp_ns": ColumnDoc(doc="-1: still active at the end of the log"),
-    "probability": ColumnDoc(doc="of a collision within the horizon, as stated when the warning was raised"),
-    "alert_probability": ColumnDoc(
-        doc="what the rule compared with its threshold when the warning was raised; NaN: it has no threshold"
+_EVENT_COLUMNS = {
+    "event_id": ColumnSpec(int),
+    "rule": ColumnSpec(str),
+    "host_id": ColumnSpec(str),
+    "other_id": ColumnSpec(str),
+    "raised_ns": ColumnSpec(int, "when the warning could be given; for states in hindsight their stamp"),
+    "last_held_ns": ColumnSpec(int),
+    "cleared_ns": ColumnSpec(int, "-1: still active at the end of the log"),
+    "duration_s": ColumnSpec(float),
+    "raised_stamp_ns": ColumnSpec(int, "stamp of the host's state at which it was raised"),
+    "last_held_stamp_ns": ColumnSpec(int),
+    "cleared_stamp_ns": ColumnSpec(int, "-1: still active at the end of the log"),
+    "time_to_event_s": ColumnSpec(float),
+    "predicted_distance_m": ColumnSpec(float),
+    "distance_m": ColumnSpec(float),
+    "ttc_s": ColumnSpec(float),
+    "probability": ColumnSpec(float, "of a collision within the horizon, as stated when the warning was raised"),
+    "alert_probability": ColumnSpec(
+        float, "what the rule compared with its threshold when the warning was raised; NaN: it has no threshold"
     ),
-    "age_s": ColumnDoc(doc="age of the remote state when the warning was raised"),
-    "kind": ColumnDoc(doc="collision, from behind, beside lane or host stands; see docs/warning.md"),
+    "max_probability": ColumnSpec(float),
+    "age_s": ColumnSpec(float, "age of the remote state when the warning was raised"),
+    "kind": ColumnSpec(str, "collision, from behind, beside lane or host stands; see docs/warning.md"),
 }
-"""Explanations of columns of the table of events."""
+"""Columns of the table of events, in order."""
