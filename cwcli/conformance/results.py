@@ -9,6 +9,7 @@ from typing import Any
 from cwcli.conformance.clause import TEXT_BY_BASIS, Clause, PublishedNumber, Trial
 from cwcli.conformance.verdict import Verdict
 from cwcli.lazy_dataclass import dataclass
+from cwcli.text import finite_or_none
 
 PASSED, FAILED, NOT_VALID, NOT_JUDGED = "pass", "fail", "not valid", "not judged"
 """Outcomes of a trial. `not valid`: it was driven out of its tolerances. `not judged`: nothing of it was driven."""
@@ -195,19 +196,14 @@ def _trial_document(trial: TrialResult) -> dict[str, Any]:
             {
                 "label": each.label,
                 "outcome": each.outcome,
-                "margin": None if each.verdict is None else _finite_or_none(each.verdict.margin),
+                "margin": None if each.verdict is None else finite_or_none(each.verdict.margin),
                 "margin_unit": "" if each.verdict is None else each.verdict.unit,
                 "text": "" if each.verdict is None else each.verdict.text,
                 "breaches": list(each.breaches),
                 "values": {}
                 if each.verdict is None
-                else {name: _finite_or_none(value) for name, value in each.verdict.values.items()},
+                else {name: finite_or_none(value) for name, value in each.verdict.values.items()},
             }
             for each in trial.repetitions
         ],
     }
-
-
-def _finite_or_none(value: float) -> float | None:
-    """The value, or None if it is not finite."""
-    return value if math.isfinite(value) else None

@@ -11,6 +11,7 @@ from cwcli.estimation.odd_sensors import (
     MAX_REPEATED_ROW_SHARE_OF_OTHERS,
     MIN_STUCK_DURATION_S,
     MIN_STUCK_ROWS,
+    begin_and_end_of_true_stretches,
     stuck_row_mask,
 )
 from cwcli.lazy_dataclass import dataclass
@@ -82,7 +83,7 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows, fixes: Fi
         if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATED_ROW_SHARE_OF_OTHERS:
             return stuck_row_mask(kind, time_s, values)
         frozen = np.zeros(len(time_s), np.bool_)
-        for begin, end in _begin_and_end_of_true_stretches(zero, MIN_STUCK_ROWS):
+        for begin, end in begin_and_end_of_true_stretches(zero, MIN_STUCK_ROWS):
             is_long = time_s[end - 1] - time_s[begin] >= MIN_STUCK_DURATION_S
             if is_long and fixes.mean_speed_mps(time_s[begin], time_s[end - 1]) > MIN_MOVING_SPEED_MPS:
                 frozen[begin:end] = True
@@ -107,7 +108,7 @@ def _frozen_fix_while_moving_mask(time_s: FloatArray, fixes_m: EastNorthRows) ->
     """
     is_held = np.zeros(len(time_s), np.bool_)
     same = np.abs(np.diff(fixes_m, axis=0)).max(axis=1) <= MAX_FROZEN_FIX_CHANGE_M
-    for begin, end in _begin_and_end_of_true_stretches(
+    for begin, end in begin_and_end_of_true_stretches(
         same, MIN_REPETITIONS_OF_FROZEN_FIX
     ):  # rows begin .. end are one fix
         if end + 1 < len(time_s) and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
@@ -157,12 +158,6 @@ def _nearly_resting_fix_before_jump_mask(time_s: FloatArray, fixes_m: EastNorthR
     return resting
 
 
-def _begin_and_end_of_true_stretches(mask: BoolArray, min_rows: int) -> list[tuple[int, int]]:
-    """Return begin and end (exclusive) of the stretches of True in a mask (n,) that have at least so many rows."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return [(int(b), int(e)) for b, e in zip(edges[::2], edges[1::2], strict=True) if e - b >= min_rows]
-
-
 def _repeated_row_mask(time_s: FloatArray, values: ValueRows, is_fault: Callable[[float, float], bool]) -> BoolArray:
     """Return a mask (n,) of rows that repeat one value for long in stretches that are a fault.
 
@@ -175,7 +170,7 @@ def _repeated_row_mask(time_s: FloatArray, values: ValueRows, is_fault: Callable
     if not same.any():
         return frozen
     long = np.zeros(len(time_s), np.bool_)
-    for begin, end in _begin_and_end_of_true_stretches(same, MIN_STUCK_ROWS):  # rows begin .. end are one number
+    for begin, end in begin_and_end_of_true_stretches(same, MIN_STUCK_ROWS):  # rows begin .. end are one number
         if time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             long[begin + 1 : end + 1] = True
             if is_fault(time_s[begin], time_s[end]):
@@ -212,6 +207,6 @@ def _saturated_gyroscope_mask(values: FloatArray) -> BoolArray:
         for limit in (column.max(), column.min()):
             at_end = column == limit
             if MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS <= at_end.sum() < 0.5 * len(column):
-                for begin, end in _begin_and_end_of_true_stretches(at_end, MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS):
+                for begin, end in begin_and_end_of_true_stretches(at_end, MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS):
                     saturated[begin:end] = True
     return saturated

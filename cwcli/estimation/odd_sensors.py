@@ -10,7 +10,8 @@ from cwcli.estimation.hypotheses.imu import IMU_HYPOTHESES, imu_tilt_hypothesis
 from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
-from cwcli.signals.columns import AccelGyroRows, FloatArray, ValueRows, quantile_of_values
+from cwcli.signals.columns import AccelGyroRows, BoolArray, FloatArray, ValueRows, quantile_of_values
+from cwcli.signals.row_order import first_and_last_rows_of_runs
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 MEAN_SPECIFIC_FORCE_RANGE_G = (0.8, 1.2)
@@ -117,9 +118,14 @@ def stuck_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows) -> npt.NDA
     if kind not in (Kind.SPEED, Kind.VELOCITY) or n < 2 * MIN_STUCK_ROWS:
         return stuck
     same = (np.diff(values, axis=0) == 0.0).all(axis=1) & (values[1:] != 0.0).any(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], same, [False])).astype(np.int8)))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):  # rows begin .. end are one number
-        if end - begin >= MIN_STUCK_ROWS and time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
+    for begin, end in begin_and_end_of_true_stretches(same, MIN_STUCK_ROWS):  # rows begin .. end are one number
+        if time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             stuck[begin + 1 : end + 1] = True
     elsewhere = same[~stuck[1:]]
     return stuck if len(elsewhere) and elsewhere.mean() < MAX_REPEATED_ROW_SHARE_OF_OTHERS else np.zeros(n, np.bool_)
+
+
+def begin_and_end_of_true_stretches(mask: BoolArray, min_rows: int) -> list[tuple[int, int]]:
+    """Return begin and end (exclusive) of the stretches of True in a mask (n,) that have at least so many rows."""
+    runs = first_and_last_rows_of_runs(mask)
+    return [(first, last + 1) for first, last in runs if last + 1 - first >= min_rows]

@@ -11,7 +11,7 @@ from cwcli.estimation.coarse_fixes import find_coarse_east_north_steps_m, note_o
 from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.imu import ImuMounting, LevelledImu, level_imu_by_gravity
 from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind, Measurements
-from cwcli.estimation.odd_sensors import is_first_row_contradicted, stuck_row_mask
+from cwcli.estimation.odd_sensors import begin_and_end_of_true_stretches, is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
 from cwcli.estimation.sensor_limits import WHITE_NOISE_RANGE_BY_KIND
@@ -203,11 +203,9 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
     if len(time_s) < 10 * MIN_BURST_GAPS:
         return late
     gap = np.diff(time_s)
-    short = (gap < MAX_BURST_GAP_RATIO * median_of_values(gap)).astype(np.int8)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], short, [0]))))
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - begin >= MIN_BURST_GAPS:
-            late[begin:end] = True
+    short = gap < MAX_BURST_GAP_RATIO * median_of_values(gap)
+    for begin, end in begin_and_end_of_true_stretches(short, MIN_BURST_GAPS):
+        late[begin:end] = True
     return late
 
 

@@ -17,6 +17,7 @@ from cwcli.estimation.tolerances import (
     TOLERATED_VARIANCE_FACTOR,
 )
 from cwcli.lazy_dataclass import dataclass
+from cwcli.text import join_names
 
 MAX_LISTED_FAULTS = 2
 """Greatest number of faults in the sentence; chosen for a short sentence."""
@@ -89,7 +90,7 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
     unchecked = [str(SourceQuantity(s.source, s.kind)) for s in sources if s.n_used and not s.is_checked]
     if unchecked and track.span_s < MIN_LOG_SPAN_FOR_SLOW_ERRORS_S and all(math.isnan(each.per_dof) for each in nees):
         # What no other source confirms may have any unit, sign or delay.
-        agreed = f"too short to check {_join_names_with_and(unchecked)}; no contradiction otherwise"
+        agreed = f"too short to check {join_names(unchecked)}; no contradiction otherwise"
     careful = [
         *(
             f"{each.name} error"
@@ -103,13 +104,13 @@ def _verdict_on_estimate(track: TrackSummary, nees: Sequence[NeesOfQuantity]) ->
         ),
     ]
     if careful:
-        return f"{agreed}, with a covariance larger than necessary for {_join_names_with_and(careful)}{exception}"
+        return f"{agreed}, with a covariance larger than necessary for {join_names(careful)}{exception}"
     outside = [_source_and_quantity_text(s) for s in sources if s.nis_inside is False]
     outside += [f"NEES of the {each.name}" for each in nees if each.is_within_bounds is False]
     if outside:
         return (
             f"{agreed} within a factor of {TOLERATED_SIGMA_FACTOR:g} in sigma: "
-            f"{_join_names_with_and(outside)} outside the 95 % bounds{exception}"
+            f"{join_names(outside)} outside the 95 % bounds{exception}"
         )
     if any(s.nis_inside is not None for s in sources):
         return f"{agreed}{exception}"
@@ -122,7 +123,7 @@ def _texts_on_errors_beyond_sigma(nees: Sequence[NeesOfQuantity]) -> list[str]:
     for each in nees:
         by_rule.setdefault(each.truth_rule, []).append(each)
     return [
-        f"the truth ({_join_names_with_and([each.name for each in of_rule])}) {rule}: check that first (without "
+        f"the truth ({join_names([each.name for each in of_rule])}) {rule}: check that first (without "
         f"it the error is {math.sqrt(max(each.per_dof_without_rule for each in of_rule)):.1f} times its sigma)"
         for rule, of_rule in by_rule.items()
         if rule
@@ -201,7 +202,3 @@ def _nis_per_dof(s: SourceReport) -> float:
 
 def _source_and_quantity_text(s: SourceReport) -> str:
     return f"{s.source} {s.kind.name.lower().replace('_', ' ')}"
-
-
-def _join_names_with_and(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -9,6 +9,7 @@ import numpy as np
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.signals.row_order import first_and_last_rows_of_runs
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.types import WarningConfig
 
@@ -82,17 +83,15 @@ def _find_conflicts_by_margin(pair: Pair, margin: FloatArray, config: WarningCon
     """Find the conflicts of one part of a definition, whose margin (n,) is negative during a conflict."""
     stamp = pair.stamp_ns
     inside = np.nan_to_num(margin, nan=1.0, posinf=1.0) < 0.0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     stretches: list[tuple[int, int, int, int]] = []
-    for first, stop in zip(edges[::2], edges[1::2], strict=True):
-        last = int(stop) - 1
-        onset = _zero_crossing_ns(stamp, margin, int(first) - 1, int(first), config.max_gap_s)
+    for first, last in first_and_last_rows_of_runs(inside):
+        onset = _zero_crossing_ns(stamp, margin, first - 1, first, config.max_gap_s)
         end = _zero_crossing_ns(stamp, margin, last + 1, last, config.max_gap_s)
         if stretches and onset - stretches[-1][1] < config.hold_off_s * NS_PER_S:
             earlier = stretches.pop()
             stretches.append((earlier[0], end, earlier[2], last))
         else:
-            stretches.append((onset, end, int(first), last))
+            stretches.append((onset, end, first, last))
     out = []
     for onset, end, first, last in stretches:
         nearest = first + int(np.nanargmin(pair.distance_m[first : last + 1]))

@@ -24,6 +24,7 @@ from cwcli.evaluation.truth import (
     build_nees_section,
     build_truth_errors_section,
     compare_track_with_truth,
+    covariances_nearest_in_time,
     notes_on_truth_mounting,
     place_truth_in_map_with_notes,
     truth_error_metric_rows,
@@ -259,14 +260,6 @@ def _add_motion_errors(
     headline.add_errors("ego.yaw_rate_rmse_degps", np.degrees(state[:, 5] - signal.yaw_rate_radps[row_mask]))
     if signal.accel_mps2 is not None:
         headline.add_errors("ego.accel_rmse_mps2", state[:, 4] - signal.accel_mps2[row_mask])
-
-
-def covariances_nearest_in_time(at_ns: Int64Array, states: VehicleStates) -> FloatArray:
-    """Return the covariances (n, 8, 8) of the states nearest in time; the states are in stamp order."""
-    stamp_ns = states.stamp_ns
-    after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, max(len(stamp_ns) - 1, 1))
-    nearest = np.where(at_ns - stamp_ns[after - 1] < stamp_ns[after] - at_ns, after - 1, after)
-    return np.asarray(states.covariance[nearest], np.float64)
 
 
 def _add_consistency_metrics(headline: HeadlineCollector, reports: Sequence[Any]) -> None:

@@ -8,6 +8,7 @@ from dataclasses import field
 
 import numpy as np
 
+from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.estimation.consistency import (
     ErrorTableRow,
     compare_errors_with_truth,
@@ -173,7 +174,7 @@ def compare_track_with_truth(
             raw = _first_measured_stamps_and_values(measurements, kind)
             if raw is not None:
                 measured[name] = _interpolate_at_ns(stamp_ns, *raw, MAX_INTERPOLATED_EGO_GAP_S)
-    covariance = _covariances_nearest_in_time(stamp_ns, ego)
+    covariance = covariances_nearest_in_time(stamp_ns, ego)
     rows = tuple(compare_errors_with_truth(truth, measured, estimated))
     known = np.isfinite(estimated_xy - xy).all(axis=1)
     consistency = tuple(
@@ -271,7 +272,9 @@ def _interpolate_at_ns(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArr
     return interpolate_signal_at_times(stamp_ns, values, at_ns, max_gap_s=max_gap_s)
 
 
-def _covariances_nearest_in_time(stamp_ns: Int64Array, ego: Track) -> FloatArray:
-    after = np.clip(np.searchsorted(ego.stamp_ns, stamp_ns), 1, len(ego.stamp_ns) - 1)
-    nearer = np.where(stamp_ns - ego.stamp_ns[after - 1] < ego.stamp_ns[after] - stamp_ns, after - 1, after)
-    return ego.covariance[nearer]
+def covariances_nearest_in_time(at_ns: Int64Array, states: Track | VehicleStates) -> FloatArray:
+    """Return the covariances (n, 8, 8) of the states nearest in time; the states are in stamp order."""
+    stamp_ns = states.stamp_ns
+    after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, max(len(stamp_ns) - 1, 1))
+    nearest = np.where(at_ns - stamp_ns[after - 1] < stamp_ns[after] - at_ns, after - 1, after)
+    return np.asarray(states.covariance[nearest], np.float64)

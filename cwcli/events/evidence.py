@@ -24,6 +24,7 @@ from cwcli.pipeline.states import StatesSelection
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.role import Role
+from cwcli.signals.row_order import first_and_last_rows_of_runs
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_ego_and_other_tracks
 
@@ -198,12 +199,6 @@ class EventEvidence:
             raise MissingSignalError(
                 f"the log holds no {what}", where=self.log.name, hint=f"run `cwcli {stage}` on it first"
             )
-
-
-def first_and_last_rows_of_runs(holds: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first and last row of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
-    return [(int(first), int(stop) - 1) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def lasting_row_spans(

@@ -9,9 +9,10 @@ import numpy as np
 from cwcli.channels.published import EGO_STATE
 from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, read_vehicle_states
 from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
-from cwcli.events.evidence import NEVER_PAUSING_SENSOR_ROLES, EventEvidence, first_and_last_rows_of_runs
+from cwcli.events.evidence import NEVER_PAUSING_SENSOR_ROLES, EventEvidence
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.role import Role
+from cwcli.signals.row_order import first_and_last_rows_of_runs
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
 

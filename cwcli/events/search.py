@@ -11,7 +11,7 @@ from cwcli.errors import MissingSignalError
 from cwcli.evaluation.system_topics import OtherSystemTopics
 from cwcli.events import EVENTS
 from cwcli.events.base import Moment, severity_as_ratio_to_threshold
-from cwcli.events.evidence import EventEvidence, first_and_last_rows_of_runs
+from cwcli.events.evidence import EventEvidence
 from cwcli.events.quantities import (
     EGO_PREFIX,
     OTHER_PREFIX,
@@ -40,6 +40,7 @@ from cwcli.metrics.table import ColumnDoc, Table, TableColumn, unit_of_column
 from cwcli.pipeline.records import read_run_records
 from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.field_condition import COMPARISONS_BY_SIGN
+from cwcli.signals.row_order import first_and_last_rows_of_runs
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.text import format_number

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -30,7 +29,7 @@ from cwcli.export.track_formats import Track
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.pipeline.records import local_map_from_estimate_record, read_run_records
-from cwcli.signals.columns import Columns, Field, FloatArray, Strings, select_column_rows
+from cwcli.signals.columns import Columns, Field, Strings, median_of_finite, select_column_rows
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.vehicle_state import ACCEL, YAW_RATE
 from cwcli.text import join_names
@@ -142,7 +141,8 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
             x_m, y_m, speed_mps, heading_rad = states.state[rows, :4].T
             place = latitude_deg[rows], longitude_deg[rows]
             motion = {"accel_mps2": states.state[rows, ACCEL], "yaw_rate_radps": states.state[rows, YAW_RATE]}
-            size_m = _median_of_finite_sizes_m(states.length_m[rows]), _median_of_finite_sizes_m(states.width_m[rows])
+            length_m, width_m = states.length_m[rows], states.width_m[rows]
+            size_m = median_of_finite(length_m), median_of_finite(width_m)
             track = Track(name, states.stamp_ns[rows], x_m, y_m, heading_rad, speed_mps, *place, what, size_m=size_m)
             found.append(replace(track, **motion))
     if vehicle is not None and not found:
@@ -150,12 +150,6 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
     if not found:
         raise MissingSignalError(f"{topic} holds no state", where=log.name)
     return found
-
-
-def _median_of_finite_sizes_m(sizes_m: FloatArray) -> float:
-    """The median of the finite values, NaN if there is none."""
-    known = sizes_m[np.isfinite(sizes_m)]
-    return float(np.median(known)) if len(known) else math.nan
 
 
 def require_geographic_positions(tracks: list[Track], log: Log, name: str) -> None:

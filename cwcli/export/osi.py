@@ -6,7 +6,6 @@ acceleration are in the axes of the map.
 
 from __future__ import annotations
 
-import math
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -158,7 +157,7 @@ def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int],
 
 def _length_and_width_or_default_m(track: Track) -> tuple[float, ...]:
     return tuple(
-        size if math.isfinite(size) and size > 0.0 else default
+        size if size is not None and size > 0.0 else default
         for size, default in zip(track.size_m, DEFAULT_VEHICLE_LENGTH_AND_WIDTH_M, strict=True)
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
@@ -42,7 +41,7 @@ class Track:
         latitude_deg, longitude_deg: Shape (n,), WGS84; NaN where the map has no geographic origin.
         what: The exported content: `ego`, `remote`, ...
         accel_mps2, yaw_rate_radps: Shape (n,), or None.
-        size_m: Length and width, NaN where unknown.
+        size_m: Length and width, None where unknown.
     """
 
     id: str
@@ -56,7 +55,7 @@ class Track:
     what: str = ""
     accel_mps2: FloatArray | None = None
     yaw_rate_radps: FloatArray | None = None
-    size_m: tuple[float, float] = (math.nan, math.nan)
+    size_m: tuple[float | None, float | None] = (None, None)
 
 
 @dataclass(frozen=True)

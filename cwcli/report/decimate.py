@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.row_order import first_and_last_rows_of_runs
 
 Rows = npt.NDArray[np.intp]
 
@@ -85,8 +86,7 @@ def simplified_track_row_indices(xy: FloatArray, tolerance: float) -> Rows:
     n = len(xy)
     known: npt.NDArray[np.bool_] = np.asarray(np.isfinite(xy).all(axis=1), np.bool_)
     keep: npt.NDArray[np.bool_] = np.logical_not(known)
-    bounds = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
-    pending = [(int(first), int(stop) - 1) for first, stop in zip(bounds[::2], bounds[1::2], strict=True)]
+    pending = first_and_last_rows_of_runs(known)
     for first, last in pending:
         keep[[first, last]] = True
     while pending:

@@ -10,8 +10,8 @@ import numpy as np
 
 from cwcli.digest.drive import Drive
 from cwcli.digest.encounters import DriveEncounters
-from cwcli.evaluation.estimate import covariances_nearest_in_time
 from cwcli.evaluation.evaluation_context import EgoTruth
+from cwcli.evaluation.truth import covariances_nearest_in_time
 from cwcli.pipeline.records import RecordedSummary, read_recorded_summary
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.report.drawing import Figure, rounded_json_numbers

@@ -30,6 +30,7 @@ from cwcli.report.drawing import (
 from cwcli.report.map_figure import insert_nan_rows_in_time_gaps
 from cwcli.signals.columns import BoolArray, FloatArray, Int64Array
 from cwcli.signals.packed_covariances import variances_of_states
+from cwcli.signals.row_order import first_and_last_rows_of_runs
 from cwcli.signals.units import NS_PER_S
 
 MAX_MARKED_WARNINGS = 30
@@ -255,12 +256,10 @@ def _closed_band_outline_x_and_y(
 ) -> tuple[list[float | None], list[float | None]]:
     """Return the band as closed outlines, one for each stretch without a gap."""
     rows, lower, upper = reduce_band_to_rows_and_bounds(lower, upper, n_pieces)
-    known = np.isfinite(lower) & np.isfinite(upper)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
     x: list[float | None] = []
     y: list[float | None] = []
-    for first, stop in zip(edges[::2], edges[1::2], strict=True):
-        part = slice(int(first), int(stop))
+    for first, last in first_and_last_rows_of_runs(np.isfinite(lower) & np.isfinite(upper)):
+        part = slice(first, last + 1)
         forth = rounded_json_numbers(seconds[rows[part]], 2)
         x += [*forth, *reversed(forth), None]
         y += [

@@ -262,6 +262,12 @@ def median_of_values(values: npt.NDArray[Any]) -> float:
     return float(np.mean(ordered[middle - 1 + len(ordered) % 2 : middle + 1]))
 
 
+def median_of_finite(values: FloatArray) -> float | None:
+    """Return the median of the finite values; None without any."""
+    finite = values[np.isfinite(values)]
+    return median_of_values(finite) if len(finite) else None
+
+
 def quantile_of_values(values: npt.NDArray[Any], share: float) -> float:
     """Return a quantile of all values, at least one, interpolated as `np.quantile` does; NaN where one is NaN."""
     ordered = np.sort(values, axis=None)

@@ -33,3 +33,9 @@ def iter_track_rows(ids: Strings, stamp_ns: Int64Array) -> Iterator[tuple[str, R
     """Yield each id and the indices of its rows, in the order of their stamps, only the first of each stamp."""
     for name, rows in iter_rows_by_id(ids):
         yield name, rows_by_stamp_without_repeats(stamp_ns, rows)
+
+
+def first_and_last_rows_of_runs(holds: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first and last row of each run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
+    return [(int(first), int(stop) - 1) for first, stop in zip(edges[::2], edges[1::2], strict=True)]

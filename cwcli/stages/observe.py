@@ -27,12 +27,12 @@ from cwcli.pipeline.records import vehicle_to_record_entry
 from cwcli.pipeline.result import Cell, StageResult, StageSummary, SummaryTable
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.pipeline.states import StatesSelection, bind_state_channels
-from cwcli.signals.columns import Columns
+from cwcli.signals.columns import Columns, median_of_finite
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.calibrated import apply_calibration_to_sources
 from cwcli.stages.inputs.observer import ObserverInputs, choose_observer_inputs, lane_samples_at_preview
 from cwcli.stages.inputs.sources import read_sensor_signals
-from cwcli.stages.summaries import largest_finite_magnitude, median_of_finite
+from cwcli.stages.summaries import largest_finite_magnitude
 
 READ_FIELDS_BY_ROLE: dict[str, tuple[str, ...]] = {
     LANES.role: FIELDS_FOR_OBSERVER,
@@ -224,7 +224,10 @@ def _observed_frames_table(track: LateralTrack, inputs: ObserverInputs) -> Summa
             "sigma of the yaw rate, median (deg/s)",
             median_of_finite(np.degrees(np.sqrt(np.abs(track.covariance[:, 1, 1])))),
         ),
-        ("sigma of the lateral speed, median (m/s)", median_of_finite(np.sqrt(np.abs(track.covariance[:, 0, 0])))),
+        (
+            "sigma of the lateral speed, median (m/s)",
+            median_of_finite(np.sqrt(np.abs(track.covariance[:, 0, 0]))),
+        ),
     ]
     known = np.flatnonzero(np.isfinite(track.mass_sigma_kg))
     if len(known):

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.option import Option
 from cwcli.signals.clocks import earliest_known_times_ns
-from cwcli.signals.columns import FloatArray, Int64Array, median_of_values
+from cwcli.signals.columns import FloatArray, Int64Array, median_of_finite
 from cwcli.warning.conflict_definition import (
     DEFAULT_CONFLICT,
     ConflictDefinition,
@@ -108,15 +108,10 @@ class VehicleTrack:
 
 def median_length_and_width_m(lengths_m: FloatArray, widths_m: FloatArray) -> tuple[float, float]:
     """Median length and width (m) of what a vehicle reported, (n,) each; the defaults where it reported none."""
-    return _median_or_default_m(lengths_m, DEFAULT_VEHICLE_LENGTH_M), _median_or_default_m(
-        widths_m, DEFAULT_VEHICLE_WIDTH_M
+    length_m, width_m = median_of_finite(lengths_m), median_of_finite(widths_m)
+    return _positive_or_default(length_m, DEFAULT_VEHICLE_LENGTH_M), _positive_or_default(
+        width_m, DEFAULT_VEHICLE_WIDTH_M
     )
-
-
-def _median_or_default_m(values_m: FloatArray, default_m: float) -> float:
-    """Median of the finite values; the default without any."""
-    known_values_m = values_m[np.isfinite(values_m)]
-    return _positive_or_default(median_of_values(known_values_m) if len(known_values_m) else None, default_m)
 
 
 def _positive_or_default(value: float | None, default: float) -> float:

@@ -13,7 +13,7 @@ from cwcli.pipeline.records import Record, parse_json_entry_or_empty, read_finit
 from cwcli.signals.columns import BoolArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED
-from cwcli.text import format_duration, shorten_and_escape
+from cwcli.text import format_duration, join_names, shorten_and_escape
 
 MAX_UNDOUBTED_SILENCE_S = 10.0
 """Longest silence of a sensor, s, in which the car drives, that is not doubted. Chosen by hand: a restart of a driver
@@ -78,11 +78,11 @@ def _finding_of_silence(evidence: DoubtEvidence, silence: dict[str, Any], silent
     else:
         when, advice = f"between {begin_s:.0f} and {end_s:.0f} s ({lasting})", "--start or --end"
     others = [_topic_and_quantities_text(topic, quantities) for topic, quantities in silence["others"].items()]
-    lost_quantities = _join_with_and([_escaped_short_text(each) for each in silence["quantities"]])
+    lost_quantities = join_names([_escaped_short_text(each) for each in silence["quantities"]])
     return Finding(
         silent_s,
         f"{_escaped_short_text(silence.get('source'))} reports no {lost_quantities} {when}; there the states rest on "
-        f"{_join_with_and(others)}.",
+        f"{join_names(others)}.",
         f"Find out why that sensor was silent; leave that part out with {advice}, or use it as of a car without it.",
     )
 
@@ -97,10 +97,6 @@ def _topic_and_quantities_text(topic: str, quantities: Any) -> str:
 
 def _escaped_short_text(text: Any) -> str:
     return shorten_and_escape(str(text), MAX_TOPIC_CHARACTERS)
-
-
-def _join_with_and(words: list[str]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 SILENCE_RULE = DoubtRule(

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PoseSignal, RemoteSignal, SpeedSignal, TargetTruthSignal
 from cwcli.signals.clocks import Timeline, repair_and_order_times
-from cwcli.signals.columns import Columns, FloatArray, median_of_values
+from cwcli.signals.columns import Columns, FloatArray, median_of_finite
 from cwcli.signals.osi.world import (
     NO_HOST_REASON,
     OSI_FRAME,
@@ -53,7 +53,7 @@ def build_pose(prefix: str, columns: Columns, reading: Reading) -> tuple[PoseSig
         accel_mps2=world.accel_mps2[at],
         yaw_variance_rad2=np.full(n, SIMULATED_HEADING_SIGMA_RAD**2),
         is_exact=True,
-        size_m=(_median_or_none(world.length_m[at]), _median_or_none(world.width_m[at])),
+        size_m=(median_of_finite(world.length_m[at]), median_of_finite(world.width_m[at])),
     )
     return signal, ledger.quality
 
@@ -164,12 +164,6 @@ def _objects_other_rows_timeline_rows_and_times(
     order = np.argsort(row, kind="stable")
     order = order[row[order] >= 0]
     return world, others[order], row[order], timeline
-
-
-def _median_or_none(sizes_m: FloatArray) -> float | None:
-    """Return the median of the finite sizes, or None where there are none."""
-    known_sizes_m = sizes_m[np.isfinite(sizes_m)]
-    return median_of_values(known_sizes_m) if len(known_sizes_m) else None
 
 
 def _isotropic_position_covariances(n: int) -> FloatArray:

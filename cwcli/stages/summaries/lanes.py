@@ -7,7 +7,7 @@ import numpy as np
 from cwcli.channels.lanes import LaneFrames
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, SummaryTable
-from cwcli.stages.summaries import median_of_finite
+from cwcli.signals.columns import median_of_finite
 from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.fit_columns import lowercase_enum_names
 from cwcli.vision.method import LaneState
