@@ -310,3 +310,11 @@ def _read_entry_points(file: str, package: str) -> Iterator[tuple[str, Plugin]]:
             group = line.strip("[] \t")
         elif separator and group.startswith("cwcli.") and not name.startswith(("#", ";")):
             yield group, Plugin(name, target.partition("[")[0].strip(), package.strip())
+
+
+def bundled_file_stems(package: str, folder: str, suffix: str) -> tuple[str, ...]:
+    """Names, without their suffix, of the files in a folder of a package."""
+    from importlib.resources import files
+
+    names = (entry.name for entry in (files(package) / folder).iterdir())
+    return tuple(sorted(name.removesuffix(suffix) for name in names if name.endswith(suffix)))

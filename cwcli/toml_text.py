@@ -1,4 +1,4 @@
-"""TOML from files of users: bounded before it is parsed.
+"""TOML from files of users: bounded before it is parsed, and errors in its values.
 
 The parser takes the square of the number of parts of a dotted key, and each part is a table inside the one before: a
 line of 100 kB would keep it busy for minutes.
@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 import tomllib
 from typing import Any
+
+from cwcli.errors import UsageError
 
 MAX_TOML_FILE_CHARS = 4_000_000
 """Greatest number of characters of a TOML file; a calibration of a thousand sensors has a tenth of it."""
@@ -47,3 +49,20 @@ def _line_of_deepest_bracket(text: str) -> int:
         if depth > deepest:
             deepest, at = depth, found.start()
     return text.count("\n", 0, at) + 1
+
+
+def require_number_in_range(value: Any, low: float, high: float, where: str, key: str, permitted: str) -> float:
+    """Return a number inside a closed range.
+
+    Raises:
+        UsageError: It is another value.
+    """
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not low <= value <= high:  # not a number is out of range too
+        raise toml_value_error(where, key, f"is {value!r}", permitted)
+    return float(value)
+
+
+def toml_value_error(where: str, key: str, what: str, permitted: str) -> UsageError:
+    """The one-line error for a value of a file: file, key, what is wrong, what is permitted."""
+    return UsageError(f"{key} {what}; permitted: {permitted}", where=where)

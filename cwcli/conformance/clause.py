@@ -16,6 +16,7 @@ from typing import Any
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
+from cwcli.registry import bundled_file_stems
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.text import format_count
 from cwcli.toml_text import parse_toml
@@ -237,9 +238,7 @@ def format_unchecked_numbers(n: int, n_chosen: int) -> str:
 
 def clause_names() -> tuple[str, ...]:
     """Names of the clauses that come with cwcli."""
-    folder = files("cwcli.conformance") / "clauses"
-    names = (entry.name for entry in folder.iterdir() if entry.name.endswith(CLAUSE_SUFFIX))
-    return tuple(sorted(name.removesuffix(CLAUSE_SUFFIX) for name in names))
+    return bundled_file_stems("cwcli.conformance", "clauses", CLAUSE_SUFFIX)
 
 
 @cache

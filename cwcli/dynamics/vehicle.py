@@ -15,7 +15,8 @@ from typing import Any
 from cwcli.errors import InputError, UsageError
 from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
-from cwcli.toml_text import parse_toml
+from cwcli.registry import bundled_file_stems
+from cwcli.toml_text import parse_toml, require_number_in_range, toml_value_error
 
 VEHICLE_FILE_SUFFIX = ".toml"
 """File name ending of vehicle files."""
@@ -87,14 +88,7 @@ class Vehicle:
 
 def vehicle_names() -> tuple[str, ...]:
     """Names of the cars that come with cwcli."""
-    folder = files("cwcli.dynamics") / "vehicles"
-    return tuple(
-        sorted(
-            entry.name.removesuffix(VEHICLE_FILE_SUFFIX)
-            for entry in folder.iterdir()
-            if entry.name.endswith(VEHICLE_FILE_SUFFIX)
-        )
-    )
+    return bundled_file_stems("cwcli.dynamics", "vehicles", VEHICLE_FILE_SUFFIX)
 
 
 def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = None) -> Vehicle:
@@ -126,20 +120,20 @@ def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
     known = ("name", *RANGE_AND_UNIT_BY_VEHICLE_KEY, "load_kg", "use")
     for key in table:
         if key not in known:
-            raise _bad_key_error(where, key, "is unknown", ", ".join(known))
+            raise toml_value_error(where, key, "is unknown", ", ".join(known))
     values = {key: _read_number(table, key, where) for key in RANGE_AND_UNIT_BY_VEHICLE_KEY}
     loads = _read_loads_kg(table.get("load_kg"), where)
     use = table.get("use", {})
     if not isinstance(use, Mapping):
-        raise _bad_key_error(where, "use", f"is {use!r}", "a table")
+        raise toml_value_error(where, "use", f"is {use!r}", "a table")
     for key in use:
         if key not in LOAD_CHOICE_KEYS:
-            raise _bad_key_error(where, f"use.{key}", "is unknown", ", ".join(LOAD_CHOICE_KEYS))
+            raise toml_value_error(where, f"use.{key}", "is unknown", ", ".join(LOAD_CHOICE_KEYS))
     first = next(iter(loads))
     chosen = {key: use.get(key, use.get("load", first)) for key in LOAD_CHOICE_KEYS}
     for key, load in chosen.items():
         if not isinstance(load, str) or load not in loads:
-            raise _bad_key_error(where, f"use.{key}", f"is {load!r}", ", ".join(loads))
+            raise toml_value_error(where, f"use.{key}", f"is {load!r}", ", ".join(loads))
     return Vehicle(
         name=str(table.get("name", where)),
         **values,
@@ -172,30 +166,17 @@ def _read_number(table: Mapping[str, Any], key: str, where: str) -> float:
     if key not in table:
         if key in OPTIONAL_KEY_DEFAULTS:
             return OPTIONAL_KEY_DEFAULTS[key]
-        raise _bad_key_error(where, key, "is missing", permitted)
-    return _require_number_in_range(table[key], low, high, where, key, permitted)
+        raise toml_value_error(where, key, "is missing", permitted)
+    return require_number_in_range(table[key], low, high, where, key, permitted)
 
 
 def _read_loads_kg(table: Any, where: str) -> dict[str, float]:
     """The checked mass of each load, kg."""
     if not isinstance(table, Mapping) or not table:
-        raise _bad_key_error(where, "load_kg", "is missing or empty", "a table of names and masses")
+        raise toml_value_error(where, "load_kg", "is missing or empty", "a table of names and masses")
     low, high = LOADED_CAR_MASS_RANGE_KG
     permitted = f"{low:g} to {high:g} kg"
     return {
-        str(name): _require_number_in_range(mass, low, high, where, f"load_kg.{name}", permitted)
+        str(name): require_number_in_range(mass, low, high, where, f"load_kg.{name}", permitted)
         for name, mass in table.items()
     }
-
-
-def _require_number_in_range(value: Any, low: float, high: float, where: str, key: str, permitted: str) -> float:
-    """Return a number inside a closed range; refuse other values."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not low <= value <= high:  # not a number is out of range too
-        raise _bad_key_error(where, key, f"is {value!r}", permitted)
-    return float(value)
-
-
-def _bad_key_error(where: str, key: str, what: str, permitted: str) -> UsageError:
-    """The one-line error for a key of a vehicle file: file, key, what is wrong, what is permitted."""
-    return UsageError(f"{key} {what}; permitted: {permitted}", where=where)

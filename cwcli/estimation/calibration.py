@@ -27,7 +27,7 @@ from cwcli.input import read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.student import student_to_normal_quantile_ratio
 from cwcli.text import escape_surrogates
-from cwcli.toml_text import parse_toml
+from cwcli.toml_text import parse_toml, require_number_in_range, toml_value_error
 
 FORMAT_VERSION_KEY, FORMAT_VERSION = "cwcli_calibration", 1
 """Key of the format version in a calibration file, and the version that this code reads and writes."""
@@ -231,10 +231,10 @@ def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration
         hint = "make one with `cwcli calibrate LOG... -o car.toml`"
         raise UsageError(f"this is not a calibration file: {FORMAT_VERSION_KEY} is missing", where=where, hint=hint)
     if table[FORMAT_VERSION_KEY] != FORMAT_VERSION or isinstance(table[FORMAT_VERSION_KEY], bool):
-        raise _invalid_key_error(where, FORMAT_VERSION_KEY, f"is {table[FORMAT_VERSION_KEY]!r}", str(FORMAT_VERSION))
+        raise toml_value_error(where, FORMAT_VERSION_KEY, f"is {table[FORMAT_VERSION_KEY]!r}", str(FORMAT_VERSION))
     logs = table.get("logs", [])
     if not isinstance(logs, list) or not all(isinstance(log, str) for log in logs):
-        raise _invalid_key_error(where, "logs", f"is {logs!r}", "a list of names")
+        raise toml_value_error(where, "logs", f"is {logs!r}", "a list of names")
     numbers = {
         key: _parse_number_in_range(table[key], 0.0, 1e9, where, key, "")
         for key in ("minutes", *DRIVING_AMOUNT_KEYS)
@@ -246,10 +246,10 @@ def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration
             continue
         if not isinstance(quantities, Mapping):
             known = ", ".join((FORMAT_VERSION_KEY, "logs", "minutes", *DRIVING_AMOUNT_KEYS, MOTION_TABLE_NAME))
-            raise _invalid_key_error(where, source, "is unknown", f"{known}, and a table of each source")
+            raise toml_value_error(where, source, "is unknown", f"{known}, and a table of each source")
         for quantity in quantities:
             if quantity not in QUANTITY_NAMES:
-                raise _invalid_key_error(where, f"{source}.{quantity}", "is unknown", ", ".join(QUANTITY_NAMES))
+                raise toml_value_error(where, f"{source}.{quantity}", "is unknown", ", ".join(QUANTITY_NAMES))
         sensors[source] = {
             quantity: _parse_constants(constants, quantity, where, f"{source}.{quantity}")
             for quantity, constants in quantities.items()
@@ -268,11 +268,11 @@ def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration
 
 def _parse_constants(toml_table: Any, quantity: str, where: str, key: str) -> dict[str, Constant]:
     if not isinstance(toml_table, Mapping):
-        raise _invalid_key_error(where, key, f"is {toml_table!r}", "a table")
+        raise toml_value_error(where, key, f"is {toml_table!r}", "a table")
     permitted = [name for name, each in RANGE_AND_UNIT_BY_CALIBRATION_CONSTANT.items() if quantity in each.quantities]
     for name in toml_table:
         if name not in permitted:
-            raise _invalid_key_error(where, f"{key}.{name}", "is unknown", ", ".join(permitted))
+            raise toml_value_error(where, f"{key}.{name}", "is unknown", ", ".join(permitted))
     return {
         name: _parse_constant(value, RANGE_AND_UNIT_BY_CALIBRATION_CONSTANT[name], where, f"{key}.{name}")
         for name, value in toml_table.items()
@@ -281,13 +281,13 @@ def _parse_constants(toml_table: Any, quantity: str, where: str, key: str) -> di
 
 def _parse_constant(toml_table: Any, spec: ConstantSpec, where: str, key: str) -> Constant:
     if not isinstance(toml_table, Mapping):
-        raise _invalid_key_error(where, key, f"is {toml_table!r}", "a table, as { value = 0.1, sigma = 0.01 }")
+        raise toml_value_error(where, key, f"is {toml_table!r}", "a table, as { value = 0.1, sigma = 0.01 }")
     for each in toml_table:
         if each not in CONSTANT_TOML_KEYS:
-            raise _invalid_key_error(where, f"{key}.{each}", "is unknown", ", ".join(CONSTANT_TOML_KEYS))
+            raise toml_value_error(where, f"{key}.{each}", "is unknown", ", ".join(CONSTANT_TOML_KEYS))
     status = toml_table.get("status", ConstantStatus.FOUND.value)
     if status not in list(ConstantStatus):
-        raise _invalid_key_error(where, f"{key}.status", f"is {status!r}", ", ".join(ConstantStatus))
+        raise toml_value_error(where, f"{key}.status", f"is {status!r}", ", ".join(ConstantStatus))
     most = spec.high - spec.low
     bounds = {
         "value": (spec.low, spec.high, spec.unit),
@@ -303,7 +303,7 @@ def _parse_constant(toml_table: Any, spec: ConstantSpec, where: str, key: str) -
     if status == ConstantStatus.NOT_OBSERVABLE:
         return Constant(n_logs=int(numbers.get("logs", 0)), minutes=numbers.get("minutes", 0.0))
     if "value" not in numbers:
-        raise _invalid_key_error(
+        raise toml_value_error(
             where, f"{key}.value", "is missing", f"{spec.low:g} to {spec.high:g} {spec.unit}".strip()
         )
     return Constant(
@@ -318,14 +318,7 @@ def _parse_constant(toml_table: Any, spec: ConstantSpec, where: str, key: str) -
 
 
 def _parse_number_in_range(value: Any, low: float, high: float, where: str, key: str, unit: str) -> float:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not low <= value <= high:  # not a number is out of range too
-        raise _invalid_key_error(where, key, f"is {value!r}", f"{low:g} to {high:g} {unit}".strip())
-    return float(value)
-
-
-def _invalid_key_error(where: str, key: str, fault: str, permitted: str) -> UsageError:
-    return UsageError(f"{key} {fault}; permitted: {permitted}", where=where)
+    return require_number_in_range(value, low, high, where, key, f"{low:g} to {high:g} {unit}".strip())
 
 
 def format_calibration_toml(calibration: Calibration) -> str:

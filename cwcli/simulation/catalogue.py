@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from importlib.resources import files
 
+from cwcli.registry import bundled_file_stems
+
 SCENARIO_FILE_SUFFIX = ".toml"
 """File name ending of scenario files."""
 
 
 def scenario_names() -> tuple[str, ...]:
     """Names of the scenarios that come with cwcli."""
-    folder = files("cwcli.simulation") / "scenarios"
-    return tuple(
-        sorted(
-            entry.name.removesuffix(SCENARIO_FILE_SUFFIX)
-            for entry in folder.iterdir()
-            if entry.name.endswith(SCENARIO_FILE_SUFFIX)
-        )
-    )
+    return bundled_file_stems("cwcli.simulation", "scenarios", SCENARIO_FILE_SUFFIX)
 
 
 def scenario_text(name: str) -> str:

@@ -14,7 +14,8 @@ from typing import Any, TypeVar
 from numpy.polynomial.polynomial import polyder, polyroots, polyval
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.simulation.spec import LATERAL_KEYS, LONGITUDINAL_KEYS, check_scenario_table, scenario_value_error
+from cwcli.simulation.spec import LATERAL_KEYS, LONGITUDINAL_KEYS, check_scenario_table
+from cwcli.toml_text import toml_value_error
 
 SEGMENT_EDGE_TOLERANCE_S = 1e-9
 """Difference of the times of neighbouring segments that counts as none, s, against rounding."""
@@ -100,12 +101,10 @@ def _checked_segments(
     if entries is None:
         return []
     if not isinstance(entries, list | tuple) or not entries:
-        raise scenario_value_error(source, path, f"is {entries!r}", "a list of segments")
+        raise toml_value_error(source, path, f"is {entries!r}", "a list of segments")
     tables = [check_scenario_table(entry, keys, path=f"{path}.{i}", source=source) for i, entry in enumerate(entries)]
     if tables[0]["from_s"] != 0:
-        raise scenario_value_error(
-            source, f"{path}.0.from_s", f"is {tables[0]['from_s']:g}: the profile has a gap", "0 s"
-        )
+        raise toml_value_error(source, f"{path}.0.from_s", f"is {tables[0]['from_s']:g}: the profile has a gap", "0 s")
     segments = []
     for i, table in enumerate(tables):
         place = f"{path}.{i}"
@@ -115,7 +114,7 @@ def _checked_segments(
         if stated is not None:
             _check_segment_end(stated, end, is_last=is_last, place=place, source=source)
         if end <= table["from_s"]:
-            raise scenario_value_error(
+            raise toml_value_error(
                 source, f"{place}.from_s", f"is {table['from_s']:g}: the segment ends at {end:g} s", "below its end"
             )
         segments.append((place, table, float(end)))
@@ -126,12 +125,12 @@ def _check_segment_end(stated: float, end: float, *, is_last: bool, place: str, 
     """Refuse a stated end of a segment that leaves a gap or an overlap."""
     if is_last:
         if stated < end - SEGMENT_EDGE_TOLERANCE_S:
-            raise scenario_value_error(
+            raise toml_value_error(
                 source, f"{place}.to_s", f"is {stated:g}: the profile has a gap", f"at least {end:g} s"
             )
     elif abs(stated - end) > SEGMENT_EDGE_TOLERANCE_S:
         fault = "a gap" if stated < end else "an overlap"
-        raise scenario_value_error(
+        raise toml_value_error(
             source, f"{place}.to_s", f"is {stated:g}: the profile has {fault}", f"{end:g} s, where the next one starts"
         )
 
@@ -140,7 +139,7 @@ def _require_exactly_one_key(segment: dict[str, Any], names: tuple[str, str], pl
     """Refuse a segment that has both of two keys, or neither."""
     if (segment[names[0]] is None) == (segment[names[1]] is None):
         which = "both" if segment[names[0]] is not None else "neither"
-        raise scenario_value_error(source, place, f"has {which} of {names[0]} and {names[1]}", "exactly one of them")
+        raise toml_value_error(source, place, f"has {which} of {names[0]} and {names[1]}", "exactly one of them")
 
 
 def _speed_pieces_of_segment(
@@ -215,7 +214,7 @@ def _turn_pieces_of_segment(
     if last.is_curvature != is_curvature and value != 0:
         speed_mps = find_piece_at(speed, start).speed_and_accel_at(start)[0]
         if speed_mps <= ZERO_SPEED_TOLERANCE_MPS:
-            raise scenario_value_error(
+            raise toml_value_error(
                 source,
                 place,
                 "starts at rest with another kind of turn than before",
@@ -238,7 +237,7 @@ def _turn_pieces_of_segment(
 def _require_long_enough_segment(start_s: float, needed_s: float, end_s: float, place: str, source: str) -> None:
     """Refuse a segment that is too short to reach its target."""
     if start_s + needed_s > end_s + SEGMENT_EDGE_TOLERANCE_S:
-        raise scenario_value_error(
+        raise toml_value_error(
             source, place, f"lasts {end_s - start_s:g} s: too short to reach its target", f"at least {needed_s:.3f} s"
         )
 
@@ -252,7 +251,7 @@ def _require_forward_speed(pieces: Sequence[SpeedPiece], end_s: float, path: str
             speed = piece.speed_and_accel_at(time_s)[0]
             if speed < -ZERO_SPEED_TOLERANCE_MPS:
                 what = f"reaches {speed:.2f} m/s at {time_s:.2f} s"
-                raise scenario_value_error(source, f"{path}.longitudinal", what, "a speed of 0 m/s or more")
+                raise toml_value_error(source, f"{path}.longitudinal", what, "a speed of 0 m/s or more")
 
 
 def find_piece_at(pieces: Sequence[Piece], time_s: float) -> Piece:

@@ -29,10 +29,9 @@ from cwcli.simulation.spec import (
     V2X_KEYS,
     VEHICLE_KEYS,
     check_scenario_table,
-    scenario_value_error,
 )
 from cwcli.simulation.truth import Motion, TrueMotion, check_motion_is_drivable
-from cwcli.toml_text import parse_toml
+from cwcli.toml_text import parse_toml, toml_value_error
 
 HOST_NAME = "host"
 """Key of the ego vehicle among the vehicles of a scenario."""
@@ -195,11 +194,11 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
     )
     sensor_tables = document.get("sensors", {})
     if not isinstance(sensor_tables, Mapping):
-        raise scenario_value_error(source, "sensors", f"is {sensor_tables!r}", "a table")
+        raise toml_value_error(source, "sensors", f"is {sensor_tables!r}", "a table")
     known = {**SENSOR_KEYS, **DETECTOR_KEYS}
     for sensor in sensor_tables:
         if sensor not in known:
-            raise scenario_value_error(source, f"sensors.{sensor}", "is unknown", ", ".join(known))
+            raise toml_value_error(source, f"sensors.{sensor}", "is unknown", ", ".join(known))
     v2x = document.get("v2x")
     return Scenario(
         name=name,
@@ -225,10 +224,10 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
 def _read_vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, ScenarioVehicle]:
     """Check the table of vehicles, and that station ids differ; the host comes first."""
     if not isinstance(tables, Mapping) or HOST_NAME not in tables:
-        raise scenario_value_error(source, f"vehicles.{HOST_NAME}", "is missing", "a table: the ego vehicle")
+        raise toml_value_error(source, f"vehicles.{HOST_NAME}", "is missing", "a table: the ego vehicle")
     if len(tables) * top["duration_s"] > MAX_VEHICLE_SECONDS:
         what = f"has {len(tables)} tables, for {top['duration_s']:g} s"
-        raise scenario_value_error(source, "vehicles", what, f"{MAX_VEHICLE_SECONDS:,} s of all vehicles together")
+        raise toml_value_error(source, "vehicles", what, f"{MAX_VEHICLE_SECONDS:,} s of all vehicles together")
     vehicles = {
         name: _read_vehicle(name, tables[name], top, source)
         for name in (HOST_NAME, *(key for key in tables if key != HOST_NAME))
@@ -237,7 +236,7 @@ def _read_vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str
     for vehicle in vehicles.values():
         other = owners.setdefault(vehicle.station_id, vehicle.name)
         if other != vehicle.name:
-            raise scenario_value_error(
+            raise toml_value_error(
                 source, f"vehicles.{vehicle.name}.station_id", f"is also that of {other}", "an id of its own"
             )
     return vehicles
@@ -247,7 +246,7 @@ def _read_vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) ->
     """Check the table of one vehicle and integrate its motion."""
     path = f"vehicles.{name}"
     if not _VEHICLE_NAME_PATTERN.fullmatch(name):
-        raise scenario_value_error(source, path, "is no name", "lower-case letters, digits, - and _")
+        raise toml_value_error(source, path, "is no name", "lower-case letters, digits, - and _")
     values = check_scenario_table(table, VEHICLE_KEYS, path=path, source=source, others=("longitudinal", "lateral"))
     profile = read_motion_profile(
         table.get("longitudinal"),
@@ -270,7 +269,7 @@ def _read_vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) ->
     )
     station_id = values["station_id"] or f"{zlib.crc32(name.encode()):08x}"
     if not _STATION_ID_PATTERN.fullmatch(station_id):
-        raise scenario_value_error(
+        raise toml_value_error(
             source, f"{path}.station_id", f"is {station_id!r}", "eight lower-case hexadecimal digits"
         )
     attitude = Attitude(values["slope_deg"], values["bounce_deg"], values["squat_degpmps2"], name)
@@ -283,13 +282,13 @@ def _read_start_ns(value: Any, source: str) -> int:
         with suppress(ValueError):
             value = datetime.fromisoformat(value)
     if not isinstance(value, datetime) or value.tzinfo is None:
-        raise scenario_value_error(
+        raise toml_value_error(
             source, "start_time", f"is {value!r}", "a date and time with offset, e.g. 2016-10-01T08:00:00Z"
         )
     since = value - _UNIX_EPOCH
     nanoseconds = ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1_000
     if nanoseconds < 0:
-        raise scenario_value_error(source, "start_time", f"is {value}", "1970 or later")
+        raise toml_value_error(source, "start_time", f"is {value}", "1970 or later")
     return nanoseconds
 
 

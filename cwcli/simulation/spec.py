@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from cwcli.dynamics.friction import PEAK_FRICTION_COEFFICIENT
-from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
+from cwcli.toml_text import toml_value_error
 
 REQUIRED_KEY_DEFAULT = object()
 """Default that marks a key as required."""
@@ -30,9 +30,9 @@ class NumberKey:
     def check_value(self, value: Any, *, key: str, source: str) -> float:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise scenario_value_error(source, key, f"is {value!r}", f"a number, {self.permitted_text()}")
+            raise toml_value_error(source, key, f"is {value!r}", f"a number, {self.permitted_text()}")
         if not math.isfinite(value) or not self.low <= value <= self.high:
-            raise scenario_value_error(source, key, f"is {value!r}", self.permitted_text())
+            raise toml_value_error(source, key, f"is {value!r}", self.permitted_text())
         return float(value)
 
     def permitted_text(self) -> str:
@@ -53,7 +53,7 @@ class IntegerKey:
     def check_value(self, value: Any, *, key: str, source: str) -> int:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if isinstance(value, bool) or not isinstance(value, int) or not self.low <= value <= self.high:
-            raise scenario_value_error(source, key, f"is {value!r}", f"a whole number, {self.permitted_text()}")
+            raise toml_value_error(source, key, f"is {value!r}", f"a whole number, {self.permitted_text()}")
         return value
 
     def permitted_text(self) -> str:
@@ -73,7 +73,7 @@ class TextKey:
     def check_value(self, value: Any, *, key: str, source: str) -> str:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, str) or (self.choices and value not in self.choices):
-            raise scenario_value_error(source, key, f"is {value!r}", self.permitted_text())
+            raise toml_value_error(source, key, f"is {value!r}", self.permitted_text())
         return value
 
     def permitted_text(self) -> str:
@@ -92,7 +92,7 @@ class FlagKey:
     def check_value(self, value: Any, *, key: str, source: str) -> bool:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, bool):
-            raise scenario_value_error(source, key, f"is {value!r}", self.permitted_text())
+            raise toml_value_error(source, key, f"is {value!r}", self.permitted_text())
         return value
 
     def permitted_text(self) -> str:
@@ -111,14 +111,12 @@ class IntervalsKey:
     def check_value(self, value: Any, *, key: str, source: str) -> tuple[tuple[float, float], ...]:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, list | tuple):
-            raise scenario_value_error(source, key, f"is {value!r}", self.permitted_text())
+            raise toml_value_error(source, key, f"is {value!r}", self.permitted_text())
         pairs: list[tuple[float, float]] = []
         for index, pair in enumerate(value):
             is_pair = isinstance(pair, list | tuple) and len(pair) == 2
             if not is_pair or not all(_is_finite_number(edge) for edge in pair) or not 0 <= pair[0] < pair[1]:
-                raise scenario_value_error(
-                    source, f"{key}.{index}", f"is {pair!r}", "[from, to] with 0 <= from < to, in s"
-                )
+                raise toml_value_error(source, f"{key}.{index}", f"is {pair!r}", "[from, to] with 0 <= from < to, in s")
             pairs.append((float(pair[0]), float(pair[1])))
         return tuple(pairs)
 
@@ -335,27 +333,22 @@ def check_scenario_table(
         UsageError: An unknown or missing key, a wrong type, a value outside its range.
     """
     if not isinstance(table, Mapping):
-        raise scenario_value_error(source, path, f"is {table!r}", "a table")
+        raise toml_value_error(source, path, f"is {table!r}", "a table")
     prefix = f"{path}." if path else ""
     for name in table:
         if name not in keys and name not in others:
-            raise scenario_value_error(source, f"{prefix}{name}", "is unknown", ", ".join((*keys, *others)))
+            raise toml_value_error(source, f"{prefix}{name}", "is unknown", ", ".join((*keys, *others)))
     values: dict[str, Any] = {}
     for name, key in keys.items():
         if name in table:
             values[name] = key.check_value(table[name], key=f"{prefix}{name}", source=source)
         elif key.default is REQUIRED_KEY_DEFAULT:
-            raise scenario_value_error(source, f"{prefix}{name}", "is missing", key.permitted_text())
+            raise toml_value_error(source, f"{prefix}{name}", "is missing", key.permitted_text())
         elif key.default is None or isinstance(key.default, tuple):
             values[name] = key.default
         else:
             values[name] = key.check_value(key.default, key=f"{prefix}{name}", source=source)
     return values
-
-
-def scenario_value_error(source: str, key: str, what: str, permitted: str) -> UsageError:
-    """The one-line error for a value of a scenario file: file, key, what is wrong, what is permitted."""
-    return UsageError(f"{key} {what}; permitted: {permitted}", where=source)
 
 
 def _is_finite_number(value: Any) -> bool:

@@ -18,7 +18,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.profile import MotionProfile, find_piece_at
-from cwcli.simulation.spec import scenario_value_error
+from cwcli.toml_text import toml_value_error
 
 TRUTH_GRID_STEP_S = 0.001
 """Time step of the grid on which the truth is returned, s. Chosen by hand; not fitted."""
@@ -211,7 +211,7 @@ def check_motion_is_drivable(
     limit = friction * STANDARD_GRAVITY_MPS2
     worst = int(np.argmax(demand))
     if demand[worst] > limit:
-        raise scenario_value_error(
+        raise toml_value_error(
             source,
             path,
             f"needs {demand[worst]:.2f} m/s^2 of the tyres at {time_s[worst]:.2f} s",
@@ -220,7 +220,7 @@ def check_motion_is_drivable(
     too_tight = np.abs(yaw_rate) * turning_radius_m > np.abs(speed) + 1e-9
     if too_tight.any():
         first = int(np.argmax(too_tight))
-        raise scenario_value_error(
+        raise toml_value_error(
             source,
             path,
             f"turns at {np.degrees(yaw_rate[first]):.1f} deg/s with {speed[first]:.2f} m/s at {time_s[first]:.2f} s",
