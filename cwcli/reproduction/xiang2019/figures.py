@@ -18,6 +18,7 @@ from cwcli.reproduction.xiang2019.reproduce import (
     Table,
     detection_rows_of_scene,
 )
+from cwcli.reproduction.xiang2019.sentences import table_column
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.dual_sensor import (
     PAPER_STATIC_RANGES_M,
@@ -49,14 +50,14 @@ def measured_numbers_of_tables(tables: Mapping[str, Table]) -> tuple[MeasuredNum
 def _numbers_of_figure_6(table: Table) -> list[MeasuredNumber]:
     """Return the errors and gains of figure 6: what the paper prints over the five distances, and each distance's."""
     measured = []
-    k = int(np.argmax(errors := _table_column(table, "combined_error_m")))
-    low, high = (float(_table_column(table, f"combined_{end}_m")[k]) for end in ("low", "high"))
+    k = int(np.argmax(errors := table_column(table, "combined_error_m")))
+    low, high = (float(table_column(table, f"combined_{end}_m")[k]) for end in ("low", "high"))
     measured.append(
         MeasuredNumber("fig 6", "error of both together, largest of the five distances", float(errors[k]), low, high)
     )
     for sensor in SENSOR_NAMES:
         for kind, text in (("gain", "four looks averaged"), ("single_gain", "single look")):
-            gain = _table_column(table, f"{sensor}_{kind}_pct")
+            gain = table_column(table, f"{sensor}_{kind}_pct")
             named = {"least": gain.min(), "largest": gain.max()}
             if kind == "gain":
                 named["mean of the five distances"] = gain.mean()
@@ -64,12 +65,12 @@ def _numbers_of_figure_6(table: Table) -> list[MeasuredNumber]:
                 MeasuredNumber("fig 6", f"{sensor} alone is worse by, {text}, {which}", float(value))
                 for which, value in named.items()
             ]
-    for k, range_m in enumerate(_table_column(table, "range_m")):
+    for k, range_m in enumerate(table_column(table, "range_m")):
         measured += [
             MeasuredNumber(
                 "fig 6",
                 f"{range_m:.2f} m: {sensor} alone is worse by, four looks averaged",
-                float(_table_column(table, f"{sensor}_gain_pct")[k]),
+                float(table_column(table, f"{sensor}_gain_pct")[k]),
             )
             for sensor in SENSOR_NAMES
         ]
@@ -81,12 +82,12 @@ def _numbers_of_table_1(table: Table) -> list[MeasuredNumber]:
     measured = []
     for k, (segment, axis) in enumerate(zip(table["segment"], table["axis"], strict=True)):
         for name in IS_UNSCENTED_BY_FILTER:
-            value = float(_table_column(table, name)[k])
+            value = float(table_column(table, name)[k])
             measured.append(MeasuredNumber("table 1", f"{segment}, {axis}, {name.upper()}: mean square error", value))
-        gain, low, high = (float(_table_column(table, f"gain{end}_pct")[k]) for end in ("", "_low", "_high"))
+        gain, low, high = (float(table_column(table, f"gain{end}_pct")[k]) for end in ("", "_low", "_high"))
         measured.append(MeasuredNumber("table 1", f"{segment}, {axis}: the UKF is better by", gain, low, high))
     for name in IS_UNSCENTED_BY_FILTER:
-        values = _table_column(table, name)
+        values = table_column(table, name)
         for axis in "xy":
             mean = float(values[np.array(table["axis"]) == axis].mean())
             measured.append(MeasuredNumber("table 1", f"mean, {axis}, {name.upper()}: mean square error", mean))
@@ -97,18 +98,18 @@ def _numbers_of_table_1(table: Table) -> list[MeasuredNumber]:
 
 def _numbers_of_radar_scenes(table: Table) -> list[MeasuredNumber]:
     """Return the gains of the UKF in scenes with radar alone."""
-    gain, low, high = (_table_column(table, f"gain{end}_pct") for end in ("", "_low", "_high"))
+    gain, low, high = (table_column(table, f"gain{end}_pct") for end in ("", "_low", "_high"))
     return [
         MeasuredNumber(
             "where", f"{scene}, {sigma:g} deg: the UKF is better by", float(gain[k]), float(low[k]), float(high[k])
         )
-        for k, (scene, sigma) in enumerate(zip(table["scene"], _table_column(table, "azimuth_sigma_deg"), strict=True))
+        for k, (scene, sigma) in enumerate(zip(table["scene"], table_column(table, "azimuth_sigma_deg"), strict=True))
     ]
 
 
 def _numbers_by_look_count(table: Table) -> list[MeasuredNumber]:
     """Return the combined error by number of looks."""
-    value, low, high = (_table_column(table, name) for name in ("error_m", "low_m", "high_m"))
+    value, low, high = (table_column(table, name) for name in ("error_m", "low_m", "high_m"))
     return [
         MeasuredNumber(
             "where",
@@ -117,7 +118,7 @@ def _numbers_by_look_count(table: Table) -> list[MeasuredNumber]:
             float(low[k]),
             float(high[k]),
         )
-        for k, looks in enumerate(_table_column(table, "looks"))
+        for k, looks in enumerate(table_column(table, "looks"))
     ]
 
 
@@ -125,9 +126,9 @@ def _numbers_of_process_noises(table: Table) -> list[MeasuredNumber]:
     """Return the mean square errors by process noise."""
     return [
         MeasuredNumber(
-            "where", f"process noise {noise:g}, {name.upper()}: mean square error", float(_table_column(table, name)[k])
+            "where", f"process noise {noise:g}, {name.upper()}: mean square error", float(table_column(table, name)[k])
         )
-        for k, noise in enumerate(_table_column(table, "process_noise"))
+        for k, noise in enumerate(table_column(table, "process_noise"))
         for name in IS_UNSCENTED_BY_FILTER
     ]
 
@@ -162,8 +163,8 @@ def sensor_looks_plot() -> Plot:
 def distance_errors_plot(table: Table) -> Plot:
     """Plot figure 6: the mean errors over the seeds."""
     labels = {"lidar": "four looks of the lidar", "radar": "four looks of the radar", "combined": "all eight"}
-    ranges = _table_column(table, "range_m")
-    curves = [Curve(label, ranges, _table_column(table, f"{name}_error_m")) for name, label in labels.items()]
+    ranges = table_column(table, "range_m")
+    curves = [Curve(label, ranges, table_column(table, f"{name}_error_m")) for name, label in labels.items()]
     expected = load_expectations("xiang2019").figures["fig 6"].expectation_by_number
     together = expected["error of both together, largest of the five distances"].paper_range
     assert together is not None
@@ -206,8 +207,3 @@ def filter_tracks_part() -> StudyPart:
         title = f"{name.upper()}: {', '.join(TARGET_PATHS)}, {SEGMENT_SPACING_M:g} m apart (first seed)"
         plots.append(Plot(figure, title, "x, to the right [m]", "y, ahead [m]", curves, is_map=True))
     return StudyPart((), tuple(plots))
-
-
-def _table_column(table: Table, name: str) -> FloatArray:
-    """Return a table's column as numbers."""
-    return np.array(table[name], np.float64)

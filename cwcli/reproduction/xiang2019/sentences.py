@@ -42,16 +42,16 @@ def _sentences_of_table_1(table: Table) -> list[str]:
 
 def _sentences_of_figure_6(table: Table) -> list[str]:
     """Say what combining both sensors gains."""
-    gains = {sensor: _table_column(table, f"{sensor}_gain_pct") for sensor in PAPER_SINGLE_SENSOR_EXCESS_PCT}
+    gains = {sensor: table_column(table, f"{sensor}_gain_pct") for sensor in PAPER_SINGLE_SENSOR_EXCESS_PCT}
     helps = min(float(gain.min()) for gain in gains.values()) > 0.0
     each = ", ".join(
         f"four looks of the {sensor} alone are {gain.min():.0f} to {gain.max():.0f} % worse "
         f"(paper: {PAPER_SINGLE_SENSOR_EXCESS_PCT[sensor][0]:g} to {PAPER_SINGLE_SENSOR_EXCESS_PCT[sensor][1]:g} %)"
         for sensor, gain in gains.items()
     )
-    singles = {sensor: _table_column(table, f"{sensor}_single_gain_pct") for sensor in PAPER_SINGLE_SENSOR_EXCESS_PCT}
+    singles = {sensor: table_column(table, f"{sensor}_single_gain_pct") for sensor in PAPER_SINGLE_SENSOR_EXCESS_PCT}
     one = ", ".join(f"{sensor} {gain.min():.0f} to {gain.max():.0f} %" for sensor, gain in singles.items())
-    both, level = _table_column(table, "combined_error_m"), float(_table_column(table, "paper_combined_below_m").min())
+    both, level = table_column(table, "combined_error_m"), float(table_column(table, "paper_combined_below_m").min())
     reached = int((both < level).sum())
     return [
         f"Figure 6: combining {'lowers' if helps else 'does not always lower'} the error: {each}.",
@@ -64,7 +64,7 @@ def _sentences_of_figure_6(table: Table) -> list[str]:
 def _sentences_of_radar_scenes(table: Table) -> list[str]:
     """Say in which radar scenes the UKF is better."""
     scenes = [str(scene) for scene in table["scene"]]
-    gain, sigma = _table_column(table, "gain_pct"), _table_column(table, "azimuth_sigma_deg")
+    gain, sigma = table_column(table, "gain_pct"), table_column(table, "azimuth_sigma_deg")
     wins = np.array(table["better"]) == "ukf"
     is_arc = np.array([scene.startswith("arc") for scene in scenes])
     large = np.flatnonzero(wins & is_arc & (gain > MIN_NAMED_UKF_GAIN_PCT))
@@ -88,7 +88,7 @@ def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
         or bend >= NEGLIGIBLE_BEND_SIGMAS
     ):
         return []
-    errors = _table_column(tables["settings"], "ekf")
+    errors = table_column(tables["settings"], "ekf")
     gap, reach = (
         _ukf_mse_reduction_relative_to_ekf_percent(tables["table_1"], "paper_"),
         100.0 * (1.0 - float(errors.min() / errors.max())),
@@ -108,10 +108,10 @@ def _ukf_mse_reduction_relative_to_ekf_percent(table: Table, column_prefix: str 
     """Return how much lower the UKF's mean square error is than the EKF's, in per cent of it."""
     return 100.0 * (
         1.0
-        - float(_table_column(table, f"{column_prefix}ukf").mean() / _table_column(table, f"{column_prefix}ekf").mean())
+        - float(table_column(table, f"{column_prefix}ukf").mean() / table_column(table, f"{column_prefix}ekf").mean())
     )
 
 
-def _table_column(table: Table, column: str) -> FloatArray:
+def table_column(table: Table, column: str) -> FloatArray:
     """Return a table's column as numbers."""
     return np.array(table[column], np.float64)
