@@ -36,7 +36,7 @@ def test_import_tells_growing_shares_up_to_the_whole(tmp_path: Path, monkeypatch
 
 
 def test_share_report_passes_shares_of_reading_and_writing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("cwcli.importing.progress_shares.PROGRESS_REPORT_INTERVAL_S", 0.01)
+    monkeypatch.setattr("cwcli.importing.bounded_import.PROGRESS_REPORT_INTERVAL_S", 0.01)
     shares: list[float] = []
     is_whole = threading.Event()
 
