@@ -44,7 +44,7 @@ LARGEST_NUMBER_BY_UNIT = {
 }
 """Unit -> the largest number that is possible in a trial with road vehicles. Chosen by hand: what the simulation can
 drive (`cwcli.simulation.spec`)."""
-UNITS_BY_SI_UNIT = {"m/s": ("m/s", "km/h", "mph"), "m": ("m",), "s": ("s",), "m/s^2": ("m/s^2", "g")}
+UNITS_BY_SI_UNIT = {"m/s": ("m/s", "km/h", "mph"), "m": ("m",), "s": ("s",), "m/s^2": ("m/s^2", "g"), "": ("",)}
 """SI unit of a number -> the units in which a file can give it."""
 SI_UNIT_BY_WORD = {
     "speed": "m/s",
@@ -58,8 +58,13 @@ SI_UNIT_BY_WORD = {
     "length": "m",
     "width": "m",
     "clearance": "m",
+    "outside": "m",
+    "slow": "m",
+    "fast": "m",
+    "contact": "",
+    "r157": "",
 }
-"""First or last word of the name of what a trial is given or demands -> its SI unit."""
+"""First or last word of the name of what a trial is given or demands -> its SI unit; "" of what is 0 or 1."""
 LARGEST_TOLERANCE_AND_UNIT = {
     "subject-speed": (5.0, "m/s"),
     "other-speed": (5.0, "m/s"),
@@ -80,6 +85,8 @@ TEXT_BY_BASIS = {
 }
 """Basis of a number -> its words in the output: it was read in its source, it is commonly stated but was not checked
 there, or it is a choice of this project that the source leaves open."""
+PAGE_TEXT_BY_BASIS = {"own": "choice of cwcli"}
+"""Basis of a number -> the words in place of a page, where there is none; else "not known"."""
 NUMBERS_AS_PUBLISHED_TEXT = "numbers as published"
 """Words of every output about the clauses: their numbers are the published ones, and nothing is certified."""
 MEANING_BY_TTC_DEFINITION = {
@@ -136,8 +143,8 @@ class PublishedNumber:
 
     @property
     def page_text(self) -> str:
-        """The page or section; of a number that is chosen here there is none."""
-        return self.page or ("" if self.basis == "own" else "not known")
+        """The page or section, or why there is none."""
+        return self.page or PAGE_TEXT_BY_BASIS.get(self.basis, "not known")
 
     @property
     def text(self) -> str:
@@ -269,6 +276,21 @@ def load_clause(name_or_path: str) -> Clause:
     return parse_clause(document, name)
 
 
+def load_clauses(names_or_paths: Sequence[str]) -> dict[str, Clause]:
+    """Load clauses, by the names and paths that they were asked for by.
+
+    Raises:
+        UsageError: As of `load_clause`; or two have one name, by which no output could tell them apart.
+    """
+    clauses = {each: load_clause(each) for each in names_or_paths}
+    path_by_name: dict[str, str] = {}
+    for path, clause in clauses.items():
+        if path_by_name.setdefault(clause.name, path) != path:
+            found = (path_by_name[clause.name], path)
+            raise UsageError(f"two clauses are called {clause.name}", found=found, hint="rename one of the files")
+    return clauses
+
+
 def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
     """Check the content of a clause's file.
 
@@ -276,6 +298,7 @@ def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
         UsageError: A key is unknown or missing, a number is impossible, or a name is not defined.
     """
     where = f"{name}{CLAUSE_SUFFIX}"
+    _check_texts_are_printable({**document, "the file's name": name}, "", where)
     _check_keys(document, CLAUSE_KEYS, {"title", "source", "repetitions", "numbers", "trials"}, "", where)
     numbers = {
         key: _parse_number(key, table, where) for key, table in _table_or_empty(document, "numbers", where).items()
@@ -311,6 +334,20 @@ def parse_clause(document: Mapping[str, Any], name: str) -> Clause:
         trials=tuple(trials),
         left_out={str(trial): str(reason) for trial, reason in left_out.items()},
     )
+
+
+def _check_texts_are_printable(value: Any, path: str, where: str) -> None:
+    """Refuse a text that would break a line, a table or an XML file; the lines of `reading` are joined."""
+    if isinstance(value, Mapping):
+        for key, entry in value.items():
+            place = f"{path}.{key}" if path else str(key)
+            _check_texts_are_printable(str(key), repr(place), where)
+            _check_texts_are_printable(entry, place, where)
+    elif isinstance(value, list):
+        for entry in value:
+            _check_texts_are_printable(entry, path, where)
+    elif isinstance(value, str) and not (" ".join(value.split()) if path == "reading" else value).isprintable():
+        raise UsageError(f"{path} is {value!r}; permitted: printable characters", where=where)
 
 
 def _check_choices(document: Mapping[str, Any], where: str) -> None:
@@ -430,8 +467,6 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
     if not _is_one_of(table["scene"], SCENES):
         hint = hint_at_closest_or_all_known_names(str(table["scene"]), SCENES)
         raise UsageError(f"{title}: there is no scene {table['scene']!r}", where=where, hint=hint)
-    if not title.isprintable():
-        raise UsageError(f"trials.name is {title!r}; permitted: printable characters", where=where)
     demands: Sequence[str] | None = getattr(require_judge_module(str(table["judge"]), where), "DEMANDS", None)
     for key in _table_or_empty(table, "demands", where):
         if demands is not None and key not in demands:

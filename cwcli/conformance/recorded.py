@@ -13,7 +13,7 @@ import numpy as np
 
 from cwcli.channels.published import WARNINGS
 from cwcli.channels.warning import read_warnings, warning_events_with_known_start
-from cwcli.conformance.clause import Clause, Trial, clause_names, load_clause
+from cwcli.conformance.clause import Clause, Trial, clause_names, load_clause, load_clauses
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.online import run_missing_stages
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
@@ -118,8 +118,7 @@ def judge_log_by_clauses(names: Sequence[str], place: LogTrial, config: ConformC
     if len(names) == 1:
         return [judge_log(names[0], place, config)]
     results, reasons = [], []
-    for name in names:
-        clause = load_clause(name)
+    for name, clause in load_clauses(names).items():
         try:
             if not clause.tolerances:
                 raise DataError("it has no tolerances of recorded trials")

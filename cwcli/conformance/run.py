@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from cwcli.conformance.cache import RepetitionCache, repetition_key
-from cwcli.conformance.clause import Clause, Trial, load_clause, require_judge_module
+from cwcli.conformance.clause import Clause, Trial, load_clause, load_clauses, require_judge_module
 from cwcli.conformance.grades import SCENARIO_OVERRIDES_BY_GRADE
 from cwcli.conformance.lane_trials import simulate_lane_trial, warn_of_lane_departure
 from cwcli.conformance.online import build_trial_scenario, true_encounter, warn_with_pipeline
@@ -105,7 +105,7 @@ def run_clauses_with_rules(
     Raises:
         UsageError: A clause does not exist, is wrong, or has a trial that nobody can drive.
     """
-    clauses = {name: load_clause(name) for name in names}
+    clauses = load_clauses(names)
     for name, clause in clauses.items():
         check_trials(clause, name)
     seeds = {name: range(config.seeds or clause.n_repetitions) for name, clause in clauses.items()}

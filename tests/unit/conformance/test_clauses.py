@@ -13,9 +13,11 @@ import pytest
 
 from cwcli.conformance.clause import clause_names, load_clause, parse_clause
 from cwcli.conformance.page import published_numbers_table
+from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.run import ConformConfig, run_clauses
+from cwcli.conformance.verdict import Verdict
 from cwcli.errors import UsageError
-from tools.conformance import COLUMNS, PAGE
+from tools.conformance import COLUMNS, PAGE, RULES, clause_block
 
 SOURCE_NUMBERS: dict[str, dict[str, tuple[tuple[float, ...], str]]] = {
     "nhtsa-fcw": {  # DOT HS 811 501
@@ -140,9 +142,9 @@ def test_a_page_is_given_where_the_notes_have_one_and_else_it_is_not_known() -> 
     found = {place: number.page for place, number in numbers.items() if number.page}
     assert found == SOURCE_PAGES
     assert numbers["nhtsa-fcw", "ttc-stopped"].page_text == "not known"
-    assert numbers["nhtsa-fcw", "brake-ramp"].page_text == ""
     rows = {row[0]: row[4] for row in published_numbers_table(load_clause("nhtsa-fcw")).rows}
-    assert [rows[name] for name in ("ttc-stopped", "tolerance of gap", "brake-ramp")] == ["not known", "not known", ""]
+    pages = [rows[name] for name in ("ttc-stopped", "tolerance of gap", "brake-ramp")]
+    assert pages == ["not known", "not known", "choice of cwcli"]
 
 
 def test_numbers_are_called_published_only_if_one_was_read_in_its_source() -> None:
@@ -213,11 +215,23 @@ def test_five_of_seven_is_a_share_of_other_numbers_of_seeds() -> None:
         (lambda d: d["numbers"]["subject-speed"].update(basis=["read"]), "basis is ['read']"),
         (lambda d: d["trials"][0].update(scene=["approach"]), "no scene ['approach']"),
         (lambda d: d["trials"][0].update(name="a\x1b[31m"), "permitted: printable characters"),
+        (lambda d: d.update(title="a\x00"), "title is 'a\\x00'; permitted: printable characters"),
+        (lambda d: d.update(reading="two\nlines\x07"), "permitted: printable characters"),
+        (lambda d: d.update(left_out={"a\nb": "why"}), "permitted: printable characters"),
+        (lambda d: d["numbers"]["brake-ramp"].update(source="a\tb"), "numbers.brake-ramp.source is 'a\\tb'"),
         (lambda d: d["trials"][0].update(judge="--init--"), "no judge '--init--'"),
         (lambda d: d["trials"][0]["given"].update(host_speed=["subject-speed"]), "which is not defined"),
         (lambda d: d["trials"][0]["given"].update(host_speed="ttc-stopped"), "given.host_speed has the unit 's'"),
         (lambda d: d["trials"][0]["demands"].update(ttc="subject-speed"), "demands.ttc has the unit 'mph'"),
         (lambda d: d["trials"][0]["demands"].update(mercy="ttc-stopped"), "demands.mercy is unknown"),
+        (
+            lambda d: d["trials"][0].update(judge="warned-by", demands={"to_contact": "ttc-stopped"}),
+            "demands.to_contact has the unit 's'",
+        ),
+        (
+            lambda d: d["trials"][0].update(judge="lane-line", demands={"latest_outside": "ttc-stopped"}),
+            "demands.latest_outside has the unit 's'",
+        ),
         (lambda d: d["numbers"]["brake-ramp"].update(value=0), "brake-ramp.value is 0"),
         (lambda d: d["tolerances"].update(gapp=d["tolerances"]["gap"]), "tolerances.gapp is unknown"),
         (lambda d: d["tolerances"]["gap"].update(unit="s"), "tolerances.gap.unit is 's'"),
@@ -237,6 +251,43 @@ def test_an_unknown_clause_names_the_closest_one() -> None:
     with pytest.raises(UsageError) as caught:
         load_clause("nhtsa-fwc")
     assert caught.value.hint == "did you mean nhtsa-fcw?"
+
+
+def test_two_clauses_of_one_name_are_refused_as_no_output_could_tell_them_apart(tmp_path: Path) -> None:
+    text = (files("cwcli.conformance") / "clauses" / "nhtsa-fcw.toml").read_text()
+    path = tmp_path / "nhtsa-fcw.toml"
+    path.write_text(text)
+    with pytest.raises(UsageError, match="two clauses are called nhtsa-fcw") as caught:
+        run_clauses(["nhtsa-fcw", str(path)], ConformConfig(jobs=1))
+    assert caught.value.found == ("nhtsa-fcw", str(path))
+    path.rename(tmp_path / "a\x07b.toml")
+    with pytest.raises(UsageError, match="the file's name is"):
+        load_clause(str(tmp_path / "a\x07b.toml"))
+
+
+def test_rows_of_clauses_that_were_not_run_anew_stay_in_the_published_table() -> None:
+    def result(name: str, margin: float) -> ClauseResult:
+        clause = load_clause(name)
+        trials = tuple(
+            TrialResult(each, (Repetition("0", Verdict(margin, "s", "moved")),), 1) for each in clause.trials
+        )
+        return ClauseResult(clause, trials, 1, {})
+
+    def block(margin_by_clause: dict[str, float], before: str = "") -> str:
+        results = [result(name, margin) for name, margin in margin_by_clause.items()]
+        return clause_block(dict.fromkeys(RULES, results), before)
+
+    both = block({"nhtsa-fcw": -0.5, "etsi-101-539": -0.25})
+    again = block({"nhtsa-fcw": 0.5}, both)
+    assert block({"nhtsa-fcw": -0.5}, again) == both, "in the order of names, whichever was run last"
+    assert block({"etsi-101-539": -0.25}, block({"nhtsa-fcw": 0.5})) == again
+    kept = {line for line in both.splitlines() if line.startswith("| etsi-101-539 |")}
+    assert len(kept) == 1 + 3, "its row, and its failed trials"
+    assert {line for line in again.splitlines() if line.startswith("| etsi-101-539 |")} == kept
+    (row,) = (line for line in again.splitlines() if line.startswith("| nhtsa-fcw |"))
+    assert row.count("pass, 3 of 3, +0.50 s") == len(RULES)
+    gone = both.replace("etsi-101-539", "no-longer-a-clause")
+    assert "no-longer-a-clause" not in block({"nhtsa-fcw": 0.5}, gone)
 
 
 def test_impossible_physics_in_a_file_of_the_users_is_refused_before_anything_runs(tmp_path: Path) -> None:
