@@ -33,7 +33,7 @@ To add one: [CONTRIBUTING.md](../CONTRIBUTING.md#a-measure-2-files) or [plugins.
 - Time to accident, conflict severity, extended Delta-V: they begin with the first evasive action, which Westhofen et
   al. 2023 leave undefined.
 - ACI, TCI, P-SMH: the causal model, weights or manoeuvres that they need are given without values.
-- PRI, and Allen's PSD: they need a map with the area of the conflict. `contact-psd` is Allen's ratio to the contact.
+- Allen's PSD: `contact-psd` is its ratio to the contact.
 
 ## Where they peak
 

@@ -42,6 +42,7 @@ MEASURES: Registry[Measure] = Registry(
         "ppet": "cwcli.measures.crossing:PPET",
         "et": "cwcli.measures.encroachment:ET",
         "gap-time": "cwcli.measures.crossing:GAP_TIME",
+        "pri": "cwcli.measures.crossing:PRI",
         "tet": "cwcli.measures.exposure:TET",
         "tit": "cwcli.measures.exposure:TIT",
         "drac": "cwcli.measures.deceleration:DRAC",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.pair import Pair, SecondsAtStamps
+from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2
+from cwcli.measures.pair import Pair, PairNumber, SecondsAtStamps
 
 MIN_CROSSING_SINE = 0.5
 """Smallest sine of the angle between the paths: below 30 degrees vehicles merge or follow, rather than cross."""
@@ -89,4 +90,41 @@ GAP_TIME = Measure(
     undefined="the ways cross under less than 30 degrees, or one is past the crossing, or stands",
     misleads="for a vehicle that turns off before the crossing",
     is_pointwise=True,
+)
+
+
+PRI_REACTION_TIME_S = 1.0
+"""Reaction time of the host's driver, s, which the definition of PRI leaves open. Chosen: that of MDRAC."""
+
+
+def pedestrian_risk_index_of_pair_m2(pair: Pair) -> PairNumber:
+    """Pedestrian risk index (m^2) of the pair, (): 0 if the host could always stop, or always was first."""
+    at = StraightCrossing(pair)
+    if not at.is_crossing_ahead.any():
+        return np.array(np.nan)
+    rows = np.flatnonzero(at.is_crossing_ahead)
+    speed_mps, host_s = pair.other_in_host_axes.host_speed_mps[rows], at.host_entry_s[rows]
+    stop_s = PRI_REACTION_TIME_S + speed_mps / CAR_BRAKING_LIMIT_MPS2
+    braking_m = speed_mps * np.maximum(host_s - PRI_REACTION_TIME_S, 0.0)
+    impact_m2ps2 = np.maximum(speed_mps**2 - 2.0 * CAR_BRAKING_LIMIT_MPS2 * braking_m, 0.0)
+    is_conflict = (np.maximum(at.other_entry_s[rows], 0.0) < host_s) & (host_s < stop_s)
+    weights_s = pair.stamp_weights_s[pair.near_rows][rows]
+    return np.array((weights_s * np.where(is_conflict, impact_m2ps2 * (stop_s - host_s), 0.0)).sum())
+
+
+PRI = Measure(
+    summary="energy of hitting another that crosses, by how much too late the host could stop",
+    symbol="PRI",
+    column="pri_m2",
+    critical="high",
+    formula=(
+        "sum of v_i^2 (t_s - t_entry,e) dt where max(t_entry,o, 0) < t_entry,e < t_s, with the area of PPET, t_s = t_r "
+        "+ v_e / a, v_i^2 = max(v_e^2 - 2 a v_e max(t_entry,e - t_r, 0), 0), with a = 11.5 m/s^2, t_r = 1 s"
+    ),
+    source="Cafiso et al. 2011, as given by Westhofen et al. 2023 (criticality-metrics.readthedocs.io, PRI)",
+    compute=pedestrian_risk_index_of_pair_m2,
+    is_series=False,
+    is_symmetric=False,
+    undefined="their ways never crossed ahead of both under at least 30 degrees",
+    misleads="for two that cross twice, which it adds up; its area is what the outlines sweep, not a marked crossing",
 )
