@@ -85,8 +85,8 @@ TEXT_BY_BASIS = {
 }
 """Basis of a number -> its words in the output: it was read in its source, it is commonly stated but was not checked
 there, or it is a choice of this project that the source leaves open."""
-PAGE_TEXT_BY_BASIS = {"own": "choice of cwcli"}
-"""Basis of a number -> the words in place of a page, where there is none; else "not known"."""
+CHOICE_TEXT = "choice of cwcli"
+"""Words behind a number that is in no standard, and in place of its page."""
 NUMBERS_AS_PUBLISHED_TEXT = "numbers as published"
 """Words of every output about the clauses: their numbers are the published ones, and nothing is certified."""
 MEANING_BY_TTC_DEFINITION = {
@@ -144,7 +144,7 @@ class PublishedNumber:
     @property
     def page_text(self) -> str:
         """The page or section, or why there is none."""
-        return self.page or PAGE_TEXT_BY_BASIS.get(self.basis, "not known")
+        return self.page or (CHOICE_TEXT if self.basis == "own" else "not known")
 
     @property
     def text(self) -> str:
@@ -527,12 +527,16 @@ def _check_unit(path: str, key: str, number: PublishedNumber, where: str) -> Non
 
 
 def _describe_numbers(used: Mapping[tuple[str, str], PublishedNumber], group: str, index: Mapping[str, int]) -> str:
-    """The numbers of a trial in words and in the file's units; what has no unit is a switch and is named alone."""
+    """The numbers of a trial in words and in the file's units; what has no unit is a switch and is named alone.
+
+    What a trial demands by choice of cwcli is marked, since nobody fails the standard by that number.
+    """
     words = []
     for (place, key), number in used.items():
         if place == group:
             value = f"{number.values[index.get(number.name, 0)]:g} {number.unit}" if number.unit else ""
-            words.append(f"{key.replace('_', ' ').replace('ttc', 'TTC')} {value}".rstrip())
+            chosen = f" ({CHOICE_TEXT})" if value and group == "demands" and number.basis == "own" else ""
+            words.append(f"{key.replace('_', ' ').replace('ttc', 'TTC')} {value}{chosen}".rstrip())
     return ", ".join(words)
 
 

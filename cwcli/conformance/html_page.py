@@ -10,6 +10,7 @@ from cwcli.conformance.clause import NUMBERS_AS_PUBLISHED_TEXT
 from cwcli.conformance.page import CLAUSE_COLUMNS, clause_rows, detail_tables
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, PASSED, ClauseResult, TrialResult
 from cwcli.pipeline.result import SummaryTable
+from cwcli.text import format_count
 from cwcli.version import __version__
 
 COLOUR_BY_OUTCOME = {PASSED: "#1c6fb8", FAILED: "#c02f2f", NOT_VALID: "#8a6d1a", NOT_JUDGED: "#777777"}
@@ -65,11 +66,11 @@ def _clause_section(result: ClauseResult) -> str:
     """One clause: verdict and settings, how it is read, the margins, and its tables."""
     clause = result.clause
     settings = ", ".join(f"{name} {value}" for name, value in result.settings.items())
+    basis = "; ".join(filter(None, (clause.basis_text.capitalize(), clause.unchecked_text)))
     parts = [
         f'<h2 id="{escape(clause.name)}">{_outcome_badge_html(result.outcome)} {escape(clause.title)}</h2>',
-        f"<p>{result.passed_text} trials pass. Source: {escape(clause.source)}. "
-        f"{escape(clause.basis_text)}. {escape(settings)}; repetitions of each trial: {result.n_repetitions}. "
-        f"{clause.unchecked_text}</p>",
+        f"<p>{result.passed_text} trials pass, with {format_count(result.n_repetitions, 'repetition')} of each; "
+        f"{escape(settings)}. Source: {escape(clause.source)}. {basis}.</p>",
         f"<p>How the numbers are read: {escape(clause.reading)}</p>" if clause.reading else "",
         _margin_picture(result.trials_with_repetitions),
     ]
@@ -155,12 +156,19 @@ def _margin_axis_svg(low: float, high: float, place: Callable[[float], float], h
     """Lines and labels of the axis of margins, s."""
     step = next((step for step in TICK_STEPS_S if (high - low) / step <= 7), 10.0 * TICK_STEPS_S[-1])
     ticks = [step * k for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
-    lines = ['<text x="0" y="14" font-size="12" fill="#555">margin to the published number, s</text>']
+    lines = ['<text x="0" y="14" font-size="12" fill="#555">margin to the required number, s</text>']
     for tick in ticks:
         x = place(tick)
         lines.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{HEAD_PX}" y2="{height}" stroke="#e2e2e2"/>')
-        lines.append(f'<text x="{x:.1f}" y="14" font-size="12" fill="#555" text-anchor="middle">{tick:+.1f}</text>')
+        lines.append(
+            f'<text x="{x:.1f}" y="14" font-size="12" fill="#555" text-anchor="middle">{_tick_text(tick)}</text>'
+        )
     return lines
+
+
+def _tick_text(margin_s: float) -> str:
+    """A margin with its sign, which zero has not."""
+    return f"{margin_s:+.1f}" if margin_s else "0"
 
 
 def _outcome_mark_svg(x: float, y: float, outcome: str) -> str:

@@ -93,6 +93,17 @@ def test_the_html_page_has_the_verdict_first_and_a_mark_for_each_repetition() ->
     assert "0.3 g" in page
     assert "as commonly stated, not checked" in page
     assert "http" not in page
+    assert "1 of 2 trials pass, with 1 repetition of each; rule cwcli, grade nominal. Source: DOT HS 811 501;" in page
+    assert (
+        ". Numbers as published; 5 numbers as commonly stated, not checked in the standard; 1 chosen here.</p>" in page
+    )
+
+
+def test_a_demand_that_no_standard_has_is_marked_where_a_trial_fails_by_it() -> None:
+    failed = [result("etsi-101-539", [-0.1])]
+    assert "TTC 5 s, shortest TTC 3 s (choice of cwcli)</td>" in format_html_page(failed)
+    assert "TTC 5 s, shortest TTC 3 s (choice of cwcli) |" in format_markdown(failed)
+    assert "choice" not in format_markdown([result("un-r152", [-0.1])])
 
 
 def test_the_picture_of_margins_puts_zero_between_failures_and_passes() -> None:
