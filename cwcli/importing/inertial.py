@@ -159,7 +159,11 @@ def _choose_accel_unit_or_ask(
         return UnitChoice(fitting[0], "likely", f"gravity is {norm:.3g} of it")
     pair = _horizontal_accelerations_of_track_and_sensor_or_none(meaning, values, track)
     fits = [] if pair is None else [abs(complex_correlation(pair[0], each)) for each in (pair[1], pair[1].conj())]
-    if pair is not None and max(fits) > MIN_CORRELATION_TO_SHOW_ACCEL_UNIT:
+    if (
+        pair is not None
+        and max(fits) > MIN_CORRELATION_TO_SHOW_ACCEL_UNIT
+        and not _does_z_follow_way(meaning, values, track)
+    ):
         ratio = float(pair[1].std() / pair[0].std())
         for each in ("mps2", "g"):
             if abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["acceleration"][each])) < MAX_LOG_RATIO_OF_ACCEL_UNIT:
@@ -170,6 +174,15 @@ def _choose_accel_unit_or_ask(
         + ", or *g; --column accel_x= leaves them out",
     )
     return UNKNOWN_UNIT
+
+
+def _does_z_follow_way(meaning: Meaning, values: FloatArray, track: TrackSpans | None) -> bool:
+    """Tell whether the accelerations along z are those along or across the way: the sensor does not stand upright."""
+    pair = _horizontal_accelerations_of_track_and_sensor_or_none(meaning, values[:, [2, 2]] * [1.0, 0.0], track)
+    if pair is None or not pair[1].real.any():
+        return False
+    fits = (abs(float(np.corrcoef(pair[1].real, part)[0, 1])) for part in (pair[0].real, pair[0].imag))
+    return max(fits) > MIN_CORRELATION_TO_SHOW_AXIS
 
 
 def _choose_gyro_unit_or_ask(

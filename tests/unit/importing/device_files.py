@@ -205,3 +205,10 @@ def trace_of_peak(folder: Path) -> list[Path]:
 @device(asks="line protocol")
 def line_protocol(folder: Path) -> list[Path]:
     return write(folder, "gps.txt", [f"gps,car=1 lat={a},lon={o},course={c} {stamp}" for a, o, c, stamp in zip(lat(), lon(), COURSE, NS[::10], strict=True)])
+
+
+@device(asks="not that of gravity")
+def accelerations_without_gravity_of_an_upright_phone(folder: Path) -> list[Path]:
+    """z points backwards: the accelerations across the way are along x, and no axis has the unit of gravity."""
+    columns = [NS, lat(ALL), lon(ALL), *axes(FORCE - UP)]
+    return write(folder, "a.csv", "time,latitude,longitude,accelerometer_x,accelerometer_y,accelerometer_z", rows_of(columns))
