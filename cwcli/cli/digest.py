@@ -28,13 +28,21 @@ SUGGESTED_STAGE_AFTER_STAGE = {"estimate": "predict", "predict": "warn", "lanes"
 
 
 def print_digest(
-    console: Console, command: str, digest: Digest, run: RunOutcome, next_step: str, *, with_details: bool
+    console: Console,
+    command: str,
+    digest: Digest,
+    run: RunOutcome,
+    next_step: str,
+    *,
+    with_details: bool,
+    n_lines_behind: int,
 ) -> None:
     """Print the digest of a command.
 
     Args:
         next_step: A command line, "" for none.
         with_details: The tables and notes follow.
+        n_lines_behind: Number of lines that follow and count as its own.
     """
     from cwcli.digest.lines import MAX_DIGEST_LINES, Block, format_blocks, trust_or_doubt_block
 
@@ -48,9 +56,8 @@ def print_digest(
         Block("next", tuple(filter(None, (next_step, "" if with_details else f"(--details: tables{notes})")))),
     )
     console.print_heading(_digest_title(command, run))
-    for line in format_blocks(
-        blocks, width=terminal_width() or DEFAULT_OUTPUT_WIDTH_COLUMNS, max_lines=MAX_DIGEST_LINES - 1
-    ):
+    width, max_lines = terminal_width() or DEFAULT_OUTPUT_WIDTH_COLUMNS, MAX_DIGEST_LINES - 1 - n_lines_behind
+    for line in format_blocks(blocks, width=width, max_lines=max_lines):
         console.print_summary(line)
 
 

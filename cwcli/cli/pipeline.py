@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -120,7 +121,8 @@ def run_and_write(job: Job) -> JobOutcome:
     outcome.written.extend(file_names.names)
     outcome.left_profile = file_names.dropped_profile
     is_imported = source is not job.source
-    notes = (f"imported; `cwcli import {job.source} --preview` shows how it was read",) if is_imported else ()
+    preview = shlex.join(("cwcli", "import", str(job.source), "--preview"))
+    notes = (f"imported; how: {preview}",) if is_imported else ()
     return JobOutcome(outcome, digest, following, notes)
 
 
@@ -227,7 +229,10 @@ def print_outcome(job: Job, console: Console, outcome: JobOutcome, next_step: st
     """Print the digest, behind it with `--details` the tables and notes of the stages, and notes on the output."""
     run, digest = outcome.run, outcome.digest
     if digest is not None:
-        print_digest(console, job.command, digest, run, next_step, with_details=job.talk.details)
+        n_behind = len(outcome.notes)
+        print_digest(
+            console, job.command, digest, run, next_step, with_details=job.talk.details, n_lines_behind=n_behind
+        )
     if job.talk.details:
         console.print_summary("")
         for doubt in () if digest is None else digest.doubts[1:]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import tempfile
 from pathlib import Path
 
@@ -32,7 +33,7 @@ def import_to_temporary_log(path: str) -> ConvertedFile | None:
             import_files([path], Answers(), str(target))
             log = ConvertedFile(os.open(target, os.O_RDONLY), InputFile.open(path))
     except AmbiguousError as error:
-        hint = f"cwcli import {path} -o log.mcap, with {error.hint}"
+        hint = f"cwcli import {shlex.quote(path)} -o log.mcap, with {error.hint}"
         raise AmbiguousError(error.what, where=error.where, found=error.found, hint=hint) from error
     log.source_format = SourceFormat(f"a file of the kind {kind}")
     return log

@@ -120,9 +120,11 @@ def test_other_commands_name_import(command: str, drive: Path, capsys: pytest.Ca
 
 def test_run_imports_by_itself(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "states.mcap"
+    drive = drive.rename(tmp_path / "my drive.csv")
     assert run_command_line(["run", str(drive), "--stage", "estimate", "-o", str(target)]) == 0
     printed = capsys.readouterr()
-    assert f"`cwcliimport{drive}--preview`" in "".join(printed.err.split())
+    assert f"cwcliimport'{drive}'--preview".replace(" ", "") in "".join(printed.err.split())
+    assert len(printed.out.splitlines()) + 1 <= 12
     assert "damaged" not in printed.out
     with Log.open(target) as log:
         assert "/cwcli/ego/state" in {channel.topic for channel in log.channels}

@@ -40,7 +40,9 @@ def not_mcap_error(name: str, head: bytes) -> InputError:
     """Return the error that a file with this beginning is not MCAP."""
     hint = _guess_file_format_hint(head)
     if not hint and is_importable_head(head):
-        named = "FILE" if name.startswith("<") or name.endswith(".mcap") else name
+        import shlex
+
+        named = "FILE" if name.startswith("<") or name.endswith(".mcap") else shlex.quote(name)
         hint = f"if it is a table, a track or another recording: cwcli import {named} -o log.mcap"
     return InputError("it is not an MCAP file", where=name, hint=hint)
 
