@@ -60,7 +60,7 @@ _MODULE_AND_ATTRIBUTE_BY_PUBLIC_NAME = {
     "open": "cwcli.library.log:open_log",
 }
 """Public name -> the module and attribute that it stands for."""
-_FUNCTION_BY_NAME_OF_CALLABLE_ROOM = {
+_FUNCTION_BY_NAME_OF_CALLABLE_SUBPACKAGE = {
     "report": "cwcli.library.pages:write_report",
     "simulate": "cwcli.library.simulated:write_simulation",
 }
@@ -102,7 +102,7 @@ if not TYPE_CHECKING:
         if name in _MODULE_AND_ATTRIBUTE_BY_PUBLIC_NAME:
             value = globals()[name] = _import_attribute(_MODULE_AND_ATTRIBUTE_BY_PUBLIC_NAME[name])
             return value
-        if name in _FUNCTION_BY_NAME_OF_CALLABLE_ROOM:
+        if name in _FUNCTION_BY_NAME_OF_CALLABLE_SUBPACKAGE:
             from importlib import import_module
 
             return import_module(f"{__name__}.{name}")
@@ -121,7 +121,7 @@ class _CallableRoom(ModuleType):
 
     @property
     def __wrapped__(self) -> Any:
-        return _import_attribute(_FUNCTION_BY_NAME_OF_CALLABLE_ROOM[self.__name__.rpartition(".")[2]])
+        return _import_attribute(_FUNCTION_BY_NAME_OF_CALLABLE_SUBPACKAGE[self.__name__.rpartition(".")[2]])
 
     @property
     def __signature__(self) -> Any:
@@ -134,7 +134,7 @@ class _Package(ModuleType):
     """This package; a room that is imported into it becomes callable if it has the name of a public function."""
 
     def __setattr__(self, name: str, value: object) -> None:
-        if name in _FUNCTION_BY_NAME_OF_CALLABLE_ROOM and type(value) is ModuleType:
+        if name in _FUNCTION_BY_NAME_OF_CALLABLE_SUBPACKAGE and type(value) is ModuleType:
             value.__class__ = _CallableRoom
         super().__setattr__(name, value)
 

@@ -22,13 +22,13 @@ from cwcli.lazy_dataclass import dataclass
 
 BYTES_PER_MEGABYTE = 1_000_000
 """The number of bytes in a megabyte."""
-MAX_ANSWER_BYTES = 16_000_000
+MAX_PROCESS_ANSWER_BYTES = 16_000_000
 """The greatest size of what the process answers. Chosen by hand."""
 MAX_WAIT_AFTER_OUTPUT_CLOSES_S = 30.0
 """Seconds in which a process that has closed its output must end. Chosen by hand, for a busy machine."""
 MAX_OPEN_FILES = 64
 """The greatest number of files that the process has open at once. Chosen by hand."""
-CPU_S, CPU_S_PER_MEGABYTE = 4, 8
+BASE_CPU_TIME_LIMIT_S, CPU_TIME_LIMIT_PER_FILE_MEGABYTE_S = 4, 8
 """Processor time of the process in seconds, and seconds more for each megabyte of the file. Chosen by hand: about a
 hundred times what ordinary bags take."""
 DISK_SPACE_HINT = "point TMPDIR to a folder with more room"
@@ -69,7 +69,7 @@ class Limits:
 
 def cpu_limit_for_file_size_s(n_bytes: int) -> int:
     """Return the processor time in seconds that reading a file of this size may take."""
-    return CPU_S + CPU_S_PER_MEGABYTE * n_bytes // BYTES_PER_MEGABYTE
+    return BASE_CPU_TIME_LIMIT_S + CPU_TIME_LIMIT_PER_FILE_MEGABYTE_S * n_bytes // BYTES_PER_MEGABYTE
 
 
 def run_bounded(
@@ -167,12 +167,12 @@ def _run_child(envelope: dict[str, Any], name: str, descriptors: Sequence[int]) 
                 process.stdin.close()
             except BrokenPipeError:
                 pass  # it has ended; how, is told by its code
-            said = process.stdout.read(MAX_ANSWER_BYTES + 1)
+            said = process.stdout.read(MAX_PROCESS_ANSWER_BYTES + 1)
         finally:
             if process.poll() is None:
                 _wait_or_kill(process)
     try:
-        answer = json.loads(said) if len(said) <= MAX_ANSWER_BYTES else None
+        answer = json.loads(said) if len(said) <= MAX_PROCESS_ANSWER_BYTES else None
     except (ValueError, RecursionError):
         answer = None
     return process.returncode, answer if isinstance(answer, dict) else {}

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 from cwcli.url import redact_urls
 
-DISTRIBUTION = "cwcli-drive"
+PIP_DISTRIBUTION_NAME = "cwcli-drive"
 """Name of the package for pip, as in `pyproject.toml`. `cwcli` on the Python package index is a stranger's package (for
 the ConnectWise API), so no text tells anybody to install that."""
 
@@ -26,7 +26,7 @@ EXIT_MISSING_SIGNAL = 4
 """Exit code for a log that lacks a required signal, or has several candidates for it."""
 EXIT_BAD_DATA = 5
 """Exit code for data that breaks its contract."""
-EXIT_OUTPUT = 6
+EXIT_NOT_WRITTEN = 6
 """Exit code for an output that could not be written."""
 EXIT_BUG = 70
 """Exit code for a bug in cwcli: EX_SOFTWARE of sysexits.h."""
@@ -44,7 +44,7 @@ EXIT_CODES = {
     EXIT_BAD_INPUT: ("unreadable or corrupt input", ""),
     EXIT_MISSING_SIGNAL: ("a required signal is missing", "or two channels could be it"),
     EXIT_BAD_DATA: ("data breaks its contract", "with `--strict`, or where no repair is possible"),
-    EXIT_OUTPUT: ("output could not be written", ""),
+    EXIT_NOT_WRITTEN: ("output could not be written", ""),
     EXIT_BUG: ("a bug", "with a traceback"),
     EXIT_INTERRUPTED: ("interrupted", ""),
     EXIT_PIPE_CLOSED: ("pipe closed", "its reader went away"),
@@ -56,13 +56,13 @@ EXIT_CODES = {
 MAX_LIKENESS_GAP_TO_NEAREST_NAME = 0.1
 """Greatest difference in likeness (`SequenceMatcher.ratio`, 0 to 1) from the most similar name at which a name is
 suggested, too. Chosen by hand."""
-MIN_CHARS_OF_HELD_NAME, MAX_SUGGESTED_NAMES_THAT_HOLD_IT = 3, 3
+MIN_CHARS_OF_NAME_SOUGHT_IN_LONGER_NAMES, MAX_SUGGESTED_NAMES_CONTAINING_GIVEN_NAME = 3, 3
 """A name with as many characters, which at most so many names hold, suggests these. Chosen by hand."""
 
 
 def install_hint(extra: str) -> str:
     """The command that installs the packages of an extra, for `CwcliError.hint`."""
-    return f"pip install '{DISTRIBUTION}[{extra}]'"
+    return f"pip install '{PIP_DISTRIBUTION_NAME}[{extra}]'"
 
 
 class CwcliError(Exception):
@@ -126,7 +126,7 @@ class DataError(CwcliError):
 class OutputError(CwcliError):
     """The output can't be written."""
 
-    exit_code = EXIT_OUTPUT
+    exit_code = EXIT_NOT_WRITTEN
 
 
 def hint_at_closest_or_all_known_names(name: str, known: Iterable[str], label: str = "one of") -> str:
@@ -143,6 +143,10 @@ def hint_at_closest_or_all_known_names(name: str, known: Iterable[str], label: s
     near = [
         each for each, share in zip(near, shares, strict=True) if share >= shares[0] - MAX_LIKENESS_GAP_TO_NEAREST_NAME
     ]
-    holding = [each for each in names if name.lower() in each.lower()] if len(name) >= MIN_CHARS_OF_HELD_NAME else []
-    near = near or (holding if len(holding) <= MAX_SUGGESTED_NAMES_THAT_HOLD_IT else [])
+    holding = (
+        [each for each in names if name.lower() in each.lower()]
+        if len(name) >= MIN_CHARS_OF_NAME_SOUGHT_IN_LONGER_NAMES
+        else []
+    )
+    near = near or (holding if len(holding) <= MAX_SUGGESTED_NAMES_CONTAINING_GIVEN_NAME else [])
     return f"did you mean {' or '.join(near)}?" if near else f"{label}: {', '.join(names)}"

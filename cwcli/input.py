@@ -45,13 +45,13 @@ NO_LIMIT_BYTES = 1 << 62
 """Number of bytes that stands for no limit: no file reaches 4 EiB. Chosen by hand."""
 MAX_SETTINGS_BYTES = 16_000_000
 """Greatest size of a file that is read whole: settings, calibrations, definitions [bytes]; chosen by hand."""
-MAX_BINARY_BYTES = 4_000_000_000
+MAX_NET_OR_TABLE_FILE_BYTES = 4_000_000_000
 """Greatest size of a net or a table that is read whole [bytes]; chosen by hand."""
 BYTES_PER_MEGABYTE = 1_000_000
 """Bytes in a megabyte, for messages to users."""
 PIPE_WRITER_TIMEOUT_S = 60.0
 """Time in s within which somebody must write into a named pipe. Chosen by hand, as the default of `--timeout`."""
-STANDARD_STREAMS = (1, 2)
+STANDARD_OUTPUT_AND_ERROR_FILE_DESCRIPTORS = (1, 2)
 """File descriptors of standard output and standard error (POSIX)."""
 OUTPUT_ERRORS = (OutputError, BrokenPipeError)
 """Errors that no change of an input explains."""
@@ -359,7 +359,7 @@ def _remember_run_input_and_get_inputs(status: os.stat_result, name: str) -> Inp
     """Remember a regular file as an input of the run; return the run's inputs, None outside of a run."""
     inputs = _INPUTS_OF_RUN.get()
     if inputs is not None and stat.S_ISREG(status.st_mode):
-        for stream in STANDARD_STREAMS:
+        for stream in STANDARD_OUTPUT_AND_ERROR_FILE_DESCRIPTORS:
             with suppress(OSError):
                 if os.path.samestat(status, os.fstat(stream)):
                     raise OutputError("the output goes into the input itself", where=name, hint="write to another file")

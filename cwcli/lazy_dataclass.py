@@ -26,9 +26,9 @@ else:
     def replace(instance: Any, /, **changes: Any) -> Any:
         """Return a copy of a data class's instance with other values of some fields, as `dataclasses.replace` does."""
         kind = type(instance)
-        names = _MERELY_STORED_FIELDS_BY_CLASS.get(kind)
+        names = _FIELDS_COPIED_ALONE_BY_REPLACE_BY_CLASS.get(kind)
         if names is None:
-            names = _MERELY_STORED_FIELDS_BY_CLASS[kind] = _names_of_merely_stored_fields(kind)
+            names = _FIELDS_COPIED_ALONE_BY_REPLACE_BY_CLASS[kind] = _names_of_merely_stored_fields(kind)
         if names:
             stored = vars(instance)
             values = {name: stored[name] for name in names}
@@ -51,9 +51,9 @@ else:
 MAX_INSTANCES_BEFORE_COMPILATION = 64
 """Number of instances of a class that a loop fills before its methods are compiled. Chosen by hand: the loop takes some
 microseconds an instance, and compiling as long as a hundred of them."""
-_COPIED_ATTRIBUTES = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "__init__")
+_ATTRIBUTES_COPIED_FROM_COMPILED_CLASS = ("__repr__", "__eq__", "__hash__", "__match_args__", "__replace__", "__init__")
 """Methods and attributes that are taken from the compiled class; `__init__` comes last, so that threads see all."""
-_COMPILING_ATTRIBUTES = ("__dataclass_params__", "__match_args__", "__signature__")
+_ATTRIBUTES_WHOSE_FIRST_USE_COMPILES_CLASS = ("__dataclass_params__", "__match_args__", "__signature__")
 """Class attributes whose first use compiles the class."""
 _DATACLASSES_HAVE_REPLACE = sys.version_info >= (3, 13)
 """Whether data classes have a `__replace__`, for `copy.replace` (Python 3.13)."""
@@ -64,7 +64,7 @@ _CLASS_VARIABLE_ANNOTATIONS = re.compile(r"(\w+\.)*ClassVar\b")
 _lock = threading.RLock()
 _NO_DEFAULT: Any = object()
 """Marks a field without a default."""
-_MERELY_STORED_FIELDS_BY_CLASS: dict[type, tuple[str, ...]] = {}
+_FIELDS_COPIED_ALONE_BY_REPLACE_BY_CLASS: dict[type, tuple[str, ...]] = {}
 """Data class -> the names of its fields, where `replace` can copy these alone; else nothing."""
 _PlainField = tuple[str, Any, Any, bool]
 """Name, default, default factory, and whether the field is an argument by keyword alone."""
@@ -87,7 +87,7 @@ def _can_defer_methods(owner: type, *, frozen: bool) -> bool:
     for base in owner.__mro__[1:-1]:
         if base.__module__ != "typing" and "__init_subclass__" in vars(base):
             return False
-        parent = _DEFERRED_BY_CLASS.get(base)
+        parent = _DEFERRED_METHODS_BY_CLASS.get(base)
         if "__dataclass_fields__" in vars(base) and (parent is None or parent.is_frozen is not frozen):
             return False
     has_default = False
@@ -140,7 +140,7 @@ class _Deferred:
         self._fields: tuple[_PlainField, ...] | None = None
         self._stand_ins: dict[str, object] = {}
         self._is_compiled = False
-        _DEFERRED_BY_CLASS[owner] = self
+        _DEFERRED_METHODS_BY_CLASS[owner] = self
         for name, value in self.body.items():
             if type(value).__name__ == "Field" and type(value).__module__ == "dataclasses":
                 if _is_default_stated(value.default):
@@ -168,7 +168,7 @@ class _Deferred:
         for name, value in methods.items():
             if name not in own:
                 self._set_stand_in(name, value)
-        for name in _COMPILING_ATTRIBUTES:
+        for name in _ATTRIBUTES_WHOSE_FIRST_USE_COMPILES_CLASS:
             self._set_stand_in(name, _Attribute(self, name))
         self._set_stand_in("__dataclass_fields__", _FieldDescriptions(self))
         if is_frozen:
@@ -193,7 +193,7 @@ class _Deferred:
             found = vars(twin)
             self._is_compiled = True
             type.__delattr__(owner, "__signature__")
-            for name in ("__dataclass_fields__", "__dataclass_params__", *_COPIED_ATTRIBUTES):
+            for name in ("__dataclass_fields__", "__dataclass_params__", *_ATTRIBUTES_COPIED_FROM_COMPILED_CLASS):
                 current_method = vars(owner).get(name, _NO_DEFAULT)
                 if name in found and (
                     current_method is _NO_DEFAULT or current_method is self._stand_ins.get(name, _NO_DEFAULT)
@@ -227,7 +227,7 @@ class _Deferred:
         if self._fields is None:
             fields: dict[str, _PlainField] = {}
             for base in reversed(self.owner.__mro__):
-                deferred = _DEFERRED_BY_CLASS.get(base)
+                deferred = _DEFERRED_METHODS_BY_CLASS.get(base)
                 own = () if deferred is None else deferred._fields_without_bases()
                 if own is None or (deferred is None and "__dataclass_fields__" in vars(base)):
                     return None
@@ -260,7 +260,7 @@ class _Deferred:
         return found
 
 
-_DEFERRED_BY_CLASS: dict[type, _Deferred] = {}
+_DEFERRED_METHODS_BY_CLASS: dict[type, _Deferred] = {}
 """Each class of this decorator -> how its methods are made."""
 
 
@@ -271,7 +271,7 @@ def _is_default_stated(value: object) -> bool:
 
 def _names_of_merely_stored_fields(kind: type) -> tuple[str, ...]:
     """Return the names of the fields of a class whose constructor does nothing but store them; else nothing."""
-    deferred = _DEFERRED_BY_CLASS.get(kind)
+    deferred = _DEFERRED_METHODS_BY_CLASS.get(kind)
     defined_names = {name for base in kind.__mro__ for name in _class_body_without_added_methods(base)}
     if deferred is None or {"__init__", "__new__", "__post_init__"} & defined_names:
         return ()
@@ -280,7 +280,7 @@ def _names_of_merely_stored_fields(kind: type) -> tuple[str, ...]:
 
 def _class_body_without_added_methods(kind: type) -> Mapping[str, Any]:
     """Return what the body of a class says: of a data class without the methods that the decorator adds."""
-    deferred = _DEFERRED_BY_CLASS.get(kind)
+    deferred = _DEFERRED_METHODS_BY_CLASS.get(kind)
     return {} if kind is object else vars(kind) if deferred is None else deferred.body
 
 

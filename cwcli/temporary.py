@@ -12,7 +12,7 @@ import secrets
 from contextlib import suppress
 from pathlib import Path
 
-MAX_TARGET_NAME_CHARACTERS = 200
+MAX_CHARACTERS_OF_TARGET_FILE_NAME_IN_TEMPORARY_NAME = 200
 """Number of characters of the target's name in the hidden name. Chosen by hand: most file systems allow 255 bytes."""
 NEW_FILE_PERMISSIONS = 0o666
 """Permissions of a new file (POSIX, rw for all), from which the system takes the user's umask away."""
@@ -31,7 +31,10 @@ class TemporaryFile:
 
     def __init__(self, target: Path) -> None:
         self.target = target
-        self._hidden = target.parent / f".{target.name[:MAX_TARGET_NAME_CHARACTERS]}.{secrets.token_hex(4)}.part"
+        self._hidden = (
+            target.parent
+            / f".{target.name[:MAX_CHARACTERS_OF_TARGET_FILE_NAME_IN_TEMPORARY_NAME]}.{secrets.token_hex(4)}.part"
+        )
         descriptor = _open_unnamed_file_or_none(target.parent)
         self._is_nameless = descriptor is not None
         if descriptor is None:

@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 HIDDEN_URL_PART_TEXT = "***"
 """The text that replaces a part of a URL that is not shown."""
-CONTAINER_SCHEMES = frozenset({"abfs", "abfss", "wasb", "wasbs"})
+URL_SCHEMES_WITH_CONTAINER_BEFORE_AT_SIGN = frozenset({"abfs", "abfss", "wasb", "wasbs"})
 """Schemes of Azure, where `container@account` names a container in front of the `@`, and no user."""
-QUERY_SCHEMES = frozenset({"http", "https"})
+URL_SCHEMES_WHERE_QUESTION_MARK_BEGINS_QUERY = frozenset({"http", "https"})
 """Schemes where every `?` begins a query. In others it may be a pattern (`s3://bucket/drive-?.mcap`)."""
-SIGNATURE_PREFIXES = ("x-amz-", "x-goog-", "x-oss-", "x-cos-", "x-obs-")
+PREFIXES_OF_URL_SIGNATURE_PARAMETER_NAMES = ("x-amz-", "x-goog-", "x-oss-", "x-cos-", "x-obs-")
 """Beginnings of the parameters with which object stores sign a URL: Amazon, Google, Alibaba, Tencent, Huawei."""
 ACCESS_PARAMETER_NAMES = frozenset(
     {"access_token", "access-token", "accesskeyid", "api_key", "api-key", "apikey", "auth", "auth_token"}
@@ -69,7 +69,7 @@ def redact_url(url: str) -> str:
         return url[: found[1].start()] + redact_url(url[found[1].start() :])
     user, host, path, query, fragment = _split_url_behind_scheme(scheme, url[end:])
     if user is not None:
-        is_container = scheme in CONTAINER_SCHEMES and ":" not in user
+        is_container = scheme in URL_SCHEMES_WITH_CONTAINER_BEFORE_AT_SIGN and ":" not in user
         host = f"{user if is_container else HIDDEN_URL_PART_TEXT}@{host}"
     shown = f"{url[:end]}{host}{path}"
     shown += f"?{HIDDEN_URL_PART_TEXT}" if query is not None else ""
@@ -127,7 +127,7 @@ def _identifying_parameters(query: str) -> list[tuple[str, str]]:
     return sorted(
         (name, value)
         for name, value in pairs
-        if name.lower() not in signing and not name.lower().startswith(SIGNATURE_PREFIXES)
+        if name.lower() not in signing and not name.lower().startswith(PREFIXES_OF_URL_SIGNATURE_PARAMETER_NAMES)
     )
 
 
@@ -158,7 +158,7 @@ def _split_url_behind_scheme(scheme: str, rest: str) -> UrlParts:
     tail = rest[length:]
     tail, hash_mark, fragment = tail.partition("#")
     at_query = tail.find("?")
-    if at_query >= 0 and scheme not in QUERY_SCHEMES and "=" not in tail[at_query:]:
+    if at_query >= 0 and scheme not in URL_SCHEMES_WHERE_QUESTION_MARK_BEGINS_QUERY and "=" not in tail[at_query:]:
         at_query = -1
     path, query = (tail, None) if at_query < 0 else (tail[:at_query], tail[at_query + 1 :])
     return UrlParts(user if at else None, host, path, query, fragment if hash_mark else None)
@@ -179,7 +179,7 @@ def _secret_spellings(url: str) -> list[str]:
 
     scheme = match.group()[:-3].lower()
     user, _, _, query, fragment = _split_url_behind_scheme(scheme, url[match.end() :])
-    if scheme in CONTAINER_SCHEMES and user is not None and ":" not in user:
+    if scheme in URL_SCHEMES_WITH_CONTAINER_BEFORE_AT_SIGN and user is not None and ":" not in user:
         user = None
     name, _, password = (user or "").partition(":")
     raw = [user or "", name, password, query or "", fragment or ""]

@@ -36,7 +36,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 import cwcli
-from cwcli.errors import EXIT_BAD_INPUT, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_NOT_WRITTEN, EXIT_USAGE
 from tests.unit.importing import files
 from tests.unit.logs_read.test_bags import bag, recording
 
@@ -431,7 +431,7 @@ def fill(folder: Path, command: tuple[str, ...], known: Reference, rng: np.rando
 
 def check_full_disk(folder: Path, command: tuple[str, ...], known: Reference, code: int, said: str) -> Files:
     """Check what a command left that found no room; returns the files."""
-    if code not in (0, EXIT_OUTPUT) or "Traceback" in said:
+    if code not in (0, EXIT_NOT_WRITTEN) or "Traceback" in said:
         raise Finding(f"it ended with {code}: {said}")
     check_outputs(folder, known)
     found = outputs(folder)
@@ -495,7 +495,7 @@ def lose_folder(folder: Path, command: tuple[str, ...], known: Reference, rng: n
         (folder / "tmp").write_bytes(b"")
         process = start(folder, command)
     code, said = ended(process)
-    if code not in (0, EXIT_OUTPUT) or "Traceback" in said:
+    if code not in (0, EXIT_NOT_WRITTEN) or "Traceback" in said:
         raise Finding(f"it ended with {code}: {said}")
     check_outputs(folder, known)
     if code == 0 and outputs(folder) != known.outputs[0]:
@@ -514,7 +514,7 @@ def run_twice(folder: Path, command: tuple[str, ...], known: Reference, rng: np.
     codes = []
     for process in (start(folder, command), first):
         code, said = ended(process)
-        if code not in (0, EXIT_OUTPUT) or "Traceback" in said:
+        if code not in (0, EXIT_NOT_WRITTEN) or "Traceback" in said:
             raise Finding(f"it ended with {code}: {said}")
         codes.append(code)
     check_outputs(folder, known)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.errors import DISTRIBUTION, install_hint
+from cwcli.errors import PIP_DISTRIBUTION_NAME, install_hint
 
 ROOT = Path(__file__).parents[1]
 NAME = r"(?<![\w./-])cwcli(?![\w.-])"
@@ -71,13 +71,13 @@ def test_no_text_tells_to_install_the_strangers_package() -> None:
 
 def test_hints_name_the_package_and_an_extra_that_it_has() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["name"] == DISTRIBUTION != "cwcli"
+    assert project["name"] == PIP_DISTRIBUTION_NAME != "cwcli"
     assert project["scripts"] == {"cwcli": "cwcli.cli.main:main"}
-    assert install_hint("report") == f"pip install '{DISTRIBUTION}[report]'"
+    assert install_hint("report") == f"pip install '{PIP_DISTRIBUTION_NAME}[report]'"
     named = {
         extra
         for path in texts()
-        for pattern in (rf"{re.escape(DISTRIBUTION)}\[([a-z]+)\]", r"install_hint\([\"'](\w+)[\"']\)")
+        for pattern in (rf"{re.escape(PIP_DISTRIBUTION_NAME)}\[([a-z]+)\]", r"install_hint\([\"'](\w+)[\"']\)")
         for extra in re.findall(pattern, path.read_text(encoding="utf-8", errors="replace"))
     }
     assert {"report", "can", "bags", "ray", "remote", "view", "plots"} <= named <= {*project["optional-dependencies"]}

@@ -192,11 +192,11 @@ def lanes_page(text: str) -> str:
 
 def signals_page(text: str) -> str:
     """docs/signals.md with its table of schemas by role."""
-    from cwcli.signals.inputs import INPUTS
+    from cwcli.signals.inputs import INPUTS_BY_SCHEMA_NAME
     from cwcli.signals.role import Role
 
     by_role: dict[Role, dict[int | None, list[str]]] = {}
-    for schema, entries in INPUTS.items():
+    for schema, entries in INPUTS_BY_SCHEMA_NAME.items():
         for entry in entries:
             if not schema.startswith("foxglove_msgs/"):
                 by_role.setdefault(entry.role, {}).setdefault(entry.rank, []).append(schema)

@@ -60,8 +60,17 @@ def v2x_page(text: str) -> str:
     """docs/v2x.md with one table of data elements for each standard."""
     from cwcli.signals import cpm, etsi, j2735, sdsm
 
-    of_sdsm = {name: each for name, each in sdsm.ELEMENTS.items() if name not in j2735.ELEMENTS}
-    for name, elements in (("j2735", j2735.ELEMENTS), ("cam", etsi.ELEMENTS), ("cpm", cpm.ELEMENTS), ("sdsm", of_sdsm)):
+    of_sdsm = {
+        name: each
+        for name, each in sdsm.DATA_ELEMENTS_BY_SDSM_QUANTITY.items()
+        if name not in j2735.DATA_ELEMENTS_BY_BSM_QUANTITY
+    }
+    for name, elements in (
+        ("j2735", j2735.DATA_ELEMENTS_BY_BSM_QUANTITY),
+        ("cam", etsi.DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY),
+        ("cpm", cpm.DATA_ELEMENTS_BY_CPM_QUANTITY),
+        ("sdsm", of_sdsm),
+    ):
         text = replace_marked_block(text, f"elements: {name}", _element_table(elements))
     return text
 

@@ -2,7 +2,7 @@
 
 The rules:
 
-- a schema of the registry (`inputs.INPUTS`) makes a channel a candidate for its roles;
+- a schema of the registry (`inputs.INPUTS_BY_SCHEMA_NAME`) makes a channel a candidate for its roles;
 - topics with a segment `truth`, `ground_truth`, `groundtruth` or `gt` are truth only, and only they are; an OSI message
   says itself what it is;
 - topics under `/cwcli/` fill only cwcli's own roles, each by its name; where there are no states in hindsight, online
@@ -55,12 +55,12 @@ DESCRIPTION_BY_ROLE: dict[str, str] = {
     **{role: channel.what for role, channel in CHANNEL_OF_ROLE.items()},
 }
 """Role -> what fills it, in the words of error messages."""
-MISSING_HINT_BY_ROLE: dict[str, str] = {
+HINT_BY_UNFILLED_ROLE: dict[str, str] = {
     **{role: role.hint for role in Role},
     **{role: f"run `cwcli {channel.stage} LOG -o annotated.mcap` first" for role, channel in CHANNEL_OF_ROLE.items()},
 }
 """Role -> the hint of the error that nothing fills it."""
-CAMERA_TO_PATH_CHANNELS = (LANES, OBSERVER, OBSERVER_PATH)
+CHANNELS_FROM_CAMERA_TO_PREDICTED_PATH = (LANES, OBSERVER, OBSERVER_PATH)
 """Channels that lead from a camera to a predicted path without a position, in the order of their stages."""
 ALL_ROLE_NAMES = tuple(DESCRIPTION_BY_ROLE)
 """Names of all roles: those of inputs, then those of cwcli's own channels."""
@@ -79,7 +79,7 @@ ROLES_OF_RADIO_MESSAGES = frozenset({Role.REMOTE, Role.EGO_POSITION, Role.EGO_SP
 position, speed and heading of the ego."""
 ROLES_THAT_MAY_BE_EMPTY = frozenset({TARGETS.role})
 """Roles that a channel without messages may fill: a list of targets is empty on an empty road."""
-ROLES_TAKING_EVERY_CHANNEL = frozenset({Role.DETECTIONS})
+ROLES_FILLED_BY_ALL_CANDIDATE_CHANNELS = frozenset({Role.DETECTIONS})
 """Roles that all candidates fill together, because each is a sensor of its own."""
 
 
@@ -212,7 +212,7 @@ def bind_roles(
             continue
         candidates = _candidate_bindings(known, role, ego_station)
         rivals = [each for each in candidates if not each.is_additive]
-        if candidates and (len(rivals) <= 1 or role in ROLES_TAKING_EVERY_CHANNEL):
+        if candidates and (len(rivals) <= 1 or role in ROLES_FILLED_BY_ALL_CANDIDATE_CHANNELS):
             by_role[role] = tuple(candidates)
             if role in ONLINE_CHANNEL_OF_ROLE and candidates[0].topic == ONLINE_CHANNEL_OF_ROLE[role].topic:
                 notes.append(
@@ -431,7 +431,7 @@ def _missing_role_error(
             hint="record the log again, or name another channel with --topic or --map",
         )
     by_hand = [channel.topic for channel in fitting if not _is_known_to_be_empty(channel)]
-    hint = _hint_at_camera_stages_or_empty(role, channels, command) or MISSING_HINT_BY_ROLE.get(role, "")
+    hint = _hint_at_camera_stages_or_empty(role, channels, command) or HINT_BY_UNFILLED_ROLE.get(role, "")
     if by_hand and role not in CHANNEL_OF_ROLE:
         hint = f"{hint}; " if hint else ""
         hint += f"{', '.join(dict.fromkeys(by_hand))} can be named with --topic {role}=/name"
@@ -457,10 +457,10 @@ def _hint_at_camera_stages_or_empty(role: str, channels: Sequence[ChannelLike], 
     if not is_asked or _candidate_bindings(known, Role.EGO_POSITION, None):
         return ""
     topics = {channel.topic for channel in channels}
-    steps = list(CAMERA_TO_PATH_CHANNELS)
+    steps = list(CHANNELS_FROM_CAMERA_TO_PREDICTED_PATH)
     while steps and any(step.topic in topics for step in steps):
         del steps[0]
-    if len(steps) == len(CAMERA_TO_PATH_CHANNELS) and not _candidate_bindings(known, Role.CAMERA, None):
+    if len(steps) == len(CHANNELS_FROM_CAMERA_TO_PREDICTED_PATH) and not _candidate_bindings(known, Role.CAMERA, None):
         return ""
     words = [f"`cwcli {step.stage}`" for step in steps]
     has_speed = any(_candidate_bindings(known, each, None) for each in (Role.EGO_SPEED, Role.EGO_VELOCITY))

@@ -15,7 +15,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 
-REPLAY_STEP_FIELD_NAMES = (
+CONTROL_STEP_FIELDS_THAT_VARY_BY_STEP = (
     "since_warning_s",
     "distance_m",
     "gap_m",
@@ -36,7 +36,7 @@ class ReplayedSteps:
         other_id: The vehicle of which the host was warned.
         stamp_ns: Shape (k,).
         states: Shape (k, 8), one for each of `BRAKING_POLICY_NAMES`: the host's.
-        series: Names of `REPLAY_STEP_FIELD_NAMES` -> shape (k,), one for each of `BRAKING_POLICY_NAMES`.
+        series: Names of `CONTROL_STEP_FIELDS_THAT_VARY_BY_STEP` -> shape (k,), one for each of `BRAKING_POLICY_NAMES`.
     """
 
     event_id: int
@@ -81,6 +81,6 @@ def _control_step_channel_of_policy(
             np.repeat(np.arange(len(replays)), counts).astype(np.int32), tuple(one.other_id for one in replays)
         ),
     }
-    for name in REPLAY_STEP_FIELD_NAMES:
+    for name in CONTROL_STEP_FIELDS_THAT_VARY_BY_STEP:
         fields[name] = np.concatenate([np.asarray(one.series[policy][name]) for one in replays])
     return make_output_channel(CONTROL_STEP.with_policy_in_topic(BRAKING_POLICY_NAMES[policy]), stamp_ns, fields)

@@ -14,7 +14,7 @@ from cwcli.signals.vehicle_state import BODY_FRAME, HEADING, MAP_FRAME, STATE_NA
 
 COVARIANCE_TYPE_KNOWN = 3
 """The value of `foxglove.LocationFix.PositionCovarianceType.KNOWN`."""
-FIX_AND_POSE_RATE_HZ, TRANSFORM_RATE_HZ = 5.0, 10.0
+MAX_FIX_AND_POSE_RATE_HZ, MAX_TRANSFORM_RATE_HZ = 5.0, 10.0
 """Highest rates of fixes and poses, and of transforms; chosen for smooth drawing and small logs."""
 FIX_VARIANCE_BINARY_DIGITS = 8
 """Binary digits of the variances of a fix; chosen: viewers only draw an ellipse."""
@@ -30,8 +30,8 @@ def make_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tupl
         local_map: Where the map lies on the earth; None leaves the fixes unknown.
     """
     published = make_vehicle_state_channel(EGO_STATE, states, local_map)
-    first_rows = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, TRANSFORM_RATE_HZ)
-    shown = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, FIX_AND_POSE_RATE_HZ)
+    first_rows = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, MAX_TRANSFORM_RATE_HZ)
+    shown = first_rows_of_each_vehicle_and_period(states.ids.codes, states.stamp_ns, MAX_FIX_AND_POSE_RATE_HZ)
     state = np.column_stack([np.asarray(published.fields[name]) for name in STATE_NAMES])
     transform: dict[str, Field] = {
         "timestamp": states.stamp_ns[first_rows],

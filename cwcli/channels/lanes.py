@@ -42,7 +42,7 @@ from cwcli.vision.overlay import (
 
 BOUNDARY_SIDES = ("left", "right")
 """Names of the two boundaries, in the order of all arrays."""
-PARABOLA_FIELDS = ("a", "b", "c")
+IMAGE_PARABOLA_FIELDS_OF_BOUNDARY = ("a", "b", "c")
 """Fields of a boundary as a parabola in the searched image."""
 ROAD_LINE_FIELDS = ("lateral_m", "slope", "ground_curvature_1pm")
 """Fields of a boundary on the road, x ahead and y to the left in m: y = lateral + slope x + curvature x^2 / 2."""
@@ -50,7 +50,7 @@ MAX_OFFSET_M_SLOPE_AND_CURVATURE_1PM = np.array([1e3, 10.0, 1.0])
 """Largest plausible distance (m), slope (1) and curvature (1/m) of a boundary on the road; chosen by hand."""
 MAX_CURVATURE_CHANGE_1PM2 = 1.0
 """Largest plausible change of curvature along the lane, 1/m^2; chosen by hand."""
-IMAGE_ROAD_FIELDS = ("far_px", "near", "bend_px2", "spiral_px3")
+IMAGE_CURVE_FIELDS_OF_BOUNDARY = ("far_px", "near", "bend_px2", "spiral_px3")
 """Fields of a boundary in the image, h rows below the horizon: x = far + near h + bend / h + spiral / h^2 (px)."""
 PINHOLE_FIELDS = ("road_centre_px", "road_focal_px")
 """Fields of the pinhole camera that projects the road: image column of its axis and focal length, both px."""
@@ -66,7 +66,11 @@ FIELDS_FOR_ROAD_BOUNDARIES = (
 FIELDS_FOR_OBSERVER = (
     *("stamp_ns", "state", *PREVIEW_POINT_FIELDS, *PREVIEW_SIGMA_FIELDS, "preview_distance_m", "camera_yaw_sigma_rad"),
     *("curvature_change_1pm2", *PINHOLE_FIELDS),
-    *(f"{side}.{name}" for side in BOUNDARY_SIDES for name in ("found", *ROAD_LINE_FIELDS, *IMAGE_ROAD_FIELDS)),
+    *(
+        f"{side}.{name}"
+        for side in BOUNDARY_SIDES
+        for name in ("found", *ROAD_LINE_FIELDS, *IMAGE_CURVE_FIELDS_OF_BOUNDARY)
+    ),
 )
 """Fields that the observer reads: those of the preview point and of the boundaries' shape."""
 
@@ -115,9 +119,11 @@ def make_lanes_channel(frames: LaneFrames) -> OutputChannel:
     geometry, fits, n = frames.geometry, frames.fits, len(frames)
     fields: dict[str, Field] = {"stamp_ns": frames.stamp_ns}
     for k, (side, road) in enumerate(zip(BOUNDARY_SIDES, (geometry.left_body, geometry.right_body), strict=True)):
-        fields |= {f"{side}.{name}": fits.parabolas[:, k, i] for i, name in enumerate(PARABOLA_FIELDS)}
+        fields |= {
+            f"{side}.{name}": fits.parabolas[:, k, i] for i, name in enumerate(IMAGE_PARABOLA_FIELDS_OF_BOUNDARY)
+        }
         fields |= {f"{side}.{name}": road[:, i] for i, name in enumerate(ROAD_LINE_FIELDS)}
-        fields |= {f"{side}.{name}": frames.roads[:, k, i] for i, name in enumerate(IMAGE_ROAD_FIELDS)}
+        fields |= {f"{side}.{name}": frames.roads[:, k, i] for i, name in enumerate(IMAGE_CURVE_FIELDS_OF_BOUNDARY)}
         fields |= {
             f"{side}.score": fits.score[:, k],
             f"{side}.probability": fits.probability[:, k],
@@ -263,7 +269,7 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
             columns,
             *(
                 np.where(found[..., None], stack_fields_of_sides(names), np.nan)
-                for names in (PARABOLA_FIELDS, IMAGE_ROAD_FIELDS)
+                for names in (IMAGE_PARABOLA_FIELDS_OF_BOUNDARY, IMAGE_CURVE_FIELDS_OF_BOUNDARY)
             ),
         ),
         road=stack_fields_of_sides(ROAD_LINE_FIELDS),

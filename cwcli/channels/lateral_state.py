@@ -21,9 +21,9 @@ from cwcli.signals.row_order import rows_by_stamp_without_repeats
 
 N_LATERAL_STATES = len(STATE_NAMES)
 """Number of states of the lateral observer."""
-LANE_AHEAD_FIELDS = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
+TRUE_LANE_AHEAD_FIELDS = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
 """Fields of the true lane at several distances ahead."""
-LATERAL_TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *LANE_AHEAD_FIELDS)
+LATERAL_TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *TRUE_LANE_AHEAD_FIELDS)
 """Fields that are read from a channel of the lateral truth."""
 PREVIEW_MATCH_TOLERANCE_M = 1e-6
 """Greatest difference of two preview distances that count as equal, m. Chosen: rounding errors only."""
@@ -130,10 +130,10 @@ def true_lateral_and_heading_deviations_at_preview(
     known_m = told_m[told_m > 0.0]
     own_m = float(known_m[0]) if len(known_m) else DEFAULT_PREVIEW_POINT_DISTANCE_M
     is_own = np.abs(preview_m - own_m) <= PREVIEW_MATCH_TOLERANCE_M
-    deviations = np.full((len(at_ns), len(LANE_AHEAD_FIELDS)), np.nan)
+    deviations = np.full((len(at_ns), len(TRUE_LANE_AHEAD_FIELDS)), np.nan)
     ahead_m = read_matrix(columns, "ahead_m")
     has_ahead = ahead_m.shape[1] > 1 and bool((ahead_m == ahead_m[:1]).all() and (np.diff(ahead_m[0]) > 0.0).all())
-    for k, name in enumerate(LANE_AHEAD_FIELDS):
+    for k, name in enumerate(TRUE_LANE_AHEAD_FIELDS):
         own = interpolate_signal_at_times(
             stamp_ns[rows], read_numbers(columns, STATE_NAMES[-2:][k])[rows], at_ns, max_gap_s=max_gap_s
         )

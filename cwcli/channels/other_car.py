@@ -14,7 +14,7 @@ from cwcli.signals.vehicle_state import HEADING
 
 STEP_TO_CONVERT_HEADING_M = 1.0
 """Distance along the heading that is converted with a position to get its heading on the other map, m; chosen."""
-GNSS_EPOCH_NS = 10 * NS_PER_MS
+GNSS_EPOCH_INTERVAL_NS = 10 * NS_PER_MS
 """Interval of GNSS epochs, ns: common receivers measure at multiples of 10 ms from the whole second."""
 MAX_STAMP_OFFSET_FROM_GNSS_EPOCH_NS = 2 * NS_PER_MS
 """Greatest difference, ns, of the stamps of 95 % of the positions from whole epochs. Chosen by hand."""
@@ -41,7 +41,7 @@ def estimate_recorder_clock_offset(stamp_ns: Int64Array, log_time_ns: Int64Array
     late_ns = log_time_ns - stamp_ns
     ahead_ns = int(median_of_values(late_ns))
     sigma_ns = int(SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_values(np.abs(late_ns - ahead_ns)))
-    phase_ns = (stamp_ns + GNSS_EPOCH_NS // 2) % GNSS_EPOCH_NS - GNSS_EPOCH_NS // 2
+    phase_ns = (stamp_ns + GNSS_EPOCH_INTERVAL_NS // 2) % GNSS_EPOCH_INTERVAL_NS - GNSS_EPOCH_INTERVAL_NS // 2
     is_on_epochs = bool(np.percentile(np.abs(phase_ns), 95) <= MAX_STAMP_OFFSET_FROM_GNSS_EPOCH_NS)
     return RecorderClock(ahead_ns, sigma_ns, len(stamp_ns), is_on_epochs)
 

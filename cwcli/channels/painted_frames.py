@@ -17,7 +17,7 @@ from cwcli.vision.overlay import encode_jpeg
 
 StartImages = Callable[[Callable[[DecodedFrame], object]], Iterator[DecodedFrame]]
 ByteArray = npt.NDArray[np.uint8]
-RENDERED_SCHEMA = "foxglove.CompressedImage"
+RENDERED_FRAME_SCHEMA = "foxglove.CompressedImage"
 """Schema of rendered frames."""
 TOPIC_NAME_PATTERN = re.compile(r"(/[^/\s\x00-\x1f\x7f]+)+")
 """Pattern of a topic name: parts that begin with a slash, without spaces and control characters."""
@@ -123,5 +123,5 @@ def check_render_topic_is_free(log: Log, topic: str | None, camera_topic: str) -
         raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
     schema_of_topic = next((each.schema_name for each in log.channels if each.topic == topic), "")
     schema_of_topic = schema_name_by_published_topic().get(topic, schema_of_topic)
-    if schema_of_topic not in ("", RENDERED_SCHEMA):
+    if schema_of_topic not in ("", RENDERED_FRAME_SCHEMA):
         raise UsageError(f"--render {topic} is the topic of {schema_of_topic}", hint="name another one")

@@ -30,7 +30,7 @@ MIN_DRAWING_PERIOD_NS = 190_000_000
 """Time between drawn paths of a vehicle; chosen just below 0.2 s, so that jitter of states at 5 or 10 Hz skips none."""
 POINTS_PER_DRAWN_PATH = 11
 """Points of a drawn path; chosen by eye."""
-EMPTY_TIMES_NS = np.zeros(0, np.int64)
+EMPTY_ARRAY_OF_TIMES_NS = np.zeros(0, np.int64)
 """An empty array of times, for concatenation."""
 DRAWN_PATH_LIFETIME_NS = 500_000_000
 """Time for which a viewer shows a path that is not replaced, ns; chosen by hand."""
@@ -50,7 +50,7 @@ def make_path_scene_channel(predicted: Sequence[AnyPaths]) -> OutputChannel:
     """
     drawn = [_first_path_rows_of_each_vehicle_and_period(each) for each in predicted]
     log_time_ns = np.concatenate(
-        [EMPTY_TIMES_NS, *(each.log_time_ns[rows] for each, rows in zip(predicted, drawn, strict=True))]
+        [EMPTY_ARRAY_OF_TIMES_NS, *(each.log_time_ns[rows] for each, rows in zip(predicted, drawn, strict=True))]
     )
     order = np.argsort(log_time_ns, kind="stable")
     which = np.repeat(np.arange(len(drawn)), [len(rows) for rows in drawn])[order]

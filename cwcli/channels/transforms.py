@@ -16,7 +16,7 @@ from cwcli.signals.transforms import (
     find_carrying_body_frame_and_transform,
 )
 
-FRAME_FIELDS = ("header.frame_id", "frame_id")
+FIELDS_NAMING_FRAME_OF_REFERENCE = ("header.frame_id", "frame_id")
 """Fields of a message that may name its frame of reference."""
 
 
@@ -93,8 +93,8 @@ def add_transforms_of_topic_to_tree(
 def _frame_id_of_first_message_by_topic(log: Log, topics: Sequence[str]) -> Mapping[str, str]:
     """The frame of reference that the first message of each topic names."""
     found = {}
-    for topic, columns in log.load_topics(dict.fromkeys(topics, FRAME_FIELDS)).items():
-        for name in FRAME_FIELDS:
+    for topic, columns in log.load_topics(dict.fromkeys(topics, FIELDS_NAMING_FRAME_OF_REFERENCE)).items():
+        for name in FIELDS_NAMING_FRAME_OF_REFERENCE:
             values = columns.fields.get(name)
             if isinstance(values, Strings) and len(values) and values.codes[0] >= 0:
                 found[topic] = values.values[values.codes[0]].lstrip("/")

@@ -52,7 +52,7 @@ MAX_STATE_GAP_OF_DRIVEN_DISTANCE_S = 1.0
 """Longest gap between states whose distance counts as driven, s. Chosen by hand; not fitted."""
 KINEMATIC_FIELDS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
 """Fields of the states without their covariances, which are most of a channel's bytes."""
-FLAGGED_KINEMATIC_FIELDS = (*KINEMATIC_FIELDS, *FLAG_BY_FIELD)
+KINEMATIC_AND_FLAG_FIELDS = (*KINEMATIC_FIELDS, *FLAG_BY_FIELD)
 """The same, with the flags."""
 
 

@@ -17,11 +17,11 @@ from cwcli.errors import CwcliError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.version import __version__
 
-FOUND_LINE_WIDTH_CHARS = 100
+ERROR_FOUND_ITEMS_LINE_WIDTH_CHARS = 100
 """Width of the lines behind `found:`, in characters; chosen wide, because paths and topics are long."""
-MAX_FOUND_ENTRIES = 200
+MAX_FOUND_ITEMS_LISTED_IN_ERROR = 200
 """Largest number of entries behind `found:`; chosen by hand."""
-MAX_FOUND_ENTRY_CHARS = 300
+MAX_FOUND_ITEM_OF_ERROR_CHARS = 300
 """Longest entry behind `found:`, in characters; chosen by hand."""
 
 
@@ -120,8 +120,11 @@ def format_error(error: CwcliError, width: int | None = None) -> str:
     where = f"{shorten_and_escape(error.where)}: " if error.where else ""
     lines = [f"error: {where}{shorten_and_escape(error.what)}"]
     if error.found:
-        more = len(error.found) - MAX_FOUND_ENTRIES
-        entries = [shorten_and_escape(entry, MAX_FOUND_ENTRY_CHARS) for entry in error.found[:MAX_FOUND_ENTRIES]]
+        more = len(error.found) - MAX_FOUND_ITEMS_LISTED_IN_ERROR
+        entries = [
+            shorten_and_escape(entry, MAX_FOUND_ITEM_OF_ERROR_CHARS)
+            for entry in error.found[:MAX_FOUND_ITEMS_LISTED_IN_ERROR]
+        ]
         lines.extend(_format_found_lines([*entries, f"and {more:,} more"] if more > 0 else entries))
     if error.hint:
         lines.append(f"  hint:  {shorten_and_escape(error.hint)}")
@@ -134,7 +137,7 @@ def _format_found_lines(entries: list[str]) -> list[str]:
     """Format the entries behind `found:`, as many on a line as fit."""
     lines = ["  found: " + entries[0]]
     for entry in entries[1:]:
-        if len(lines[-1]) + len(entry) + 3 <= FOUND_LINE_WIDTH_CHARS:
+        if len(lines[-1]) + len(entry) + 3 <= ERROR_FOUND_ITEMS_LINE_WIDTH_CHARS:
             lines[-1] += f", {entry}"
         else:
             lines[-1] += ","

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 MAX_SUGGESTED_COMMAND_CHARACTERS = 73
 """Longest command that is suggested, in characters; a line without its label. Chosen by hand; not fitted."""
-MAX_NAMED_FILES = 3
+MAX_NAMED_WRITTEN_FILES = 3
 """Greatest number of written files that are named; chosen by hand."""
 MAX_LOG_NAME_WIDTH_CELLS = 40
 """Widest name of a log in the first line, in cells; chosen: the names of the stages go beside it."""
-MAX_TRIED_FILE_NAMES = 100
+MAX_NAMES_TRIED_FOR_SUGGESTED_FILE = 100
 """Greatest number of names that are tried for a suggested file; chosen by hand."""
 SUGGESTED_STAGE_AFTER_STAGE = {"estimate": "predict", "predict": "warn", "lanes": "observe", "observe": "predict-lane"}
 """Stage -> the stage that is suggested after it."""
@@ -77,8 +77,8 @@ def _written_files_sentence(written: Sequence[str]) -> str:
     from cwcli.digest.lines import shorten_path
 
     names = [f"{shorten_path(path, 40)} ({format_byte_size(Path(path).stat().st_size)})" for path in written]
-    if len(names) > MAX_NAMED_FILES:
-        names = [*names[: MAX_NAMED_FILES - 1], f"{len(names) - MAX_NAMED_FILES + 1} more files"]
+    if len(names) > MAX_NAMED_WRITTEN_FILES:
+        names = [*names[: MAX_NAMED_WRITTEN_FILES - 1], f"{len(names) - MAX_NAMED_WRITTEN_FILES + 1} more files"]
     return ", ".join(names)
 
 
@@ -104,7 +104,7 @@ def suggest_next_step(command: str, output: str | None, *, following: str = "") 
 def append_number_if_file_exists(name: str) -> str:
     """Return the name, or `NAME-2`, `NAME-3` and so on, if a file of that name exists in the working folder."""
     path = Path(name)
-    for k in range(2, MAX_TRIED_FILE_NAMES):
+    for k in range(2, MAX_NAMES_TRIED_FOR_SUGGESTED_FILE):
         if not path.exists():
             break
         path = Path(f"{Path(name).stem}-{k}{Path(name).suffix}")

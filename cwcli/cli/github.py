@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 MAX_ANNOTATIONS_PER_KIND = 10
 """Greatest number of annotations of one kind that GitHub shows of a step; further ones are lost (GitHub's limits of
 annotations)."""
-MAX_LISTED_CHECKS = 20
+MAX_FAILED_CHECKS_LISTED_PER_ANNOTATION = 20
 """Greatest number of failed checks that the message of one annotation lists. Chosen by hand."""
 MAX_ANNOTATION_CHARACTERS = 4000
 """Longest message in characters; GitHub cuts what is longer than 4096 bytes in places. Chosen by hand."""
@@ -64,9 +64,12 @@ def annotations_of_gates(run: RunMetrics, results: Sequence[GateResult]) -> list
         : MAX_ANNOTATIONS_PER_KIND if len(failed) <= MAX_ANNOTATIONS_PER_KIND else MAX_ANNOTATIONS_PER_KIND - 1
     ]:
         checks = result.failed_checks
-        lines = [f"{check.log}: {check.detail}" if check.log else check.detail for check in checks[:MAX_LISTED_CHECKS]]
-        if len(checks) > MAX_LISTED_CHECKS:
-            lines.append(f"and {len(checks) - MAX_LISTED_CHECKS} more")
+        lines = [
+            f"{check.log}: {check.detail}" if check.log else check.detail
+            for check in checks[:MAX_FAILED_CHECKS_LISTED_PER_ANNOTATION]
+        ]
+        if len(checks) > MAX_FAILED_CHECKS_LISTED_PER_ANNOTATION:
+            lines.append(f"and {len(checks) - MAX_FAILED_CHECKS_LISTED_PER_ANNOTATION} more")
         file = next((sources.get(check.log, "") for check in checks if check.log), "")
         commands.append(
             format_error_command(

@@ -15,7 +15,7 @@ from cwcli.cli.invocation import remember_arguments
 from cwcli.errors import (
     EXIT_BUG,
     EXIT_INTERRUPTED,
-    EXIT_OUTPUT,
+    EXIT_NOT_WRITTEN,
     EXIT_PIPE_CLOSED,
     CwcliError,
     OutputError,
@@ -164,7 +164,7 @@ def _print_to_stderr(text: str) -> None:
 def _print_unexpected_error_and_exit_code(error: BaseException, arguments: Sequence[str]) -> int:
     if isinstance(error, OSError) and error.errno in DISK_FULL_ERRNOS:  # on the way to standard output
         _print_known_error(_output_error_from(error))
-        return EXIT_OUTPUT
+        return EXIT_NOT_WRITTEN
     _print_bug_report(arguments)
     return EXIT_BUG
 

@@ -17,7 +17,7 @@ from cwcli.cli.report import print_stage_summary, print_written_files
 from cwcli.errors import CwcliError, UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.call import Call
-from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, RunRules, SkipRules
+from cwcli.pipeline.execute import SKIP_RULES_THAT_SKIP_NO_STAGE, RunOutcome, RunRules, SkipRules
 from cwcli.stages import STAGES
 from cwcli.work_share import part_of_work, report_work_share_to
 
@@ -54,7 +54,7 @@ class Job:
     metrics: str | None = None
     metrics_dir: str | None = None
     preceding_stages: Collection[str] = ()
-    skip: SkipRules = RUN_EVERY_STAGE
+    skip: SkipRules = SKIP_RULES_THAT_SKIP_NO_STAGE
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,12 @@ from cwcli.cli.commands import HELP_LINE_BY_COMMAND
 from cwcli.cli.options.configfile import find_config_file
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX
 from cwcli.cli.options.lazy_typer import find_declaration_in_type_hint
-from cwcli.cli.options.plain_coercion import LEFT_TO_TYPER, coerce_plain_value, is_non_finite, is_within_bounds
+from cwcli.cli.options.plain_coercion import (
+    VALUE_FOR_TYPER_TO_CONVERT,
+    coerce_plain_value,
+    is_non_finite,
+    is_within_bounds,
+)
 
 
 def run_plain_command(arguments: Sequence[str]) -> int | None:
@@ -76,7 +81,7 @@ def parse_plain_arguments(function: Callable[..., Any], arguments: Sequence[str]
         name: _value_or_not_plain(parameter, texts.get(name, parameter.default))
         for name, parameter in parameters.items()
     }
-    return None if any(value is LEFT_TO_TYPER for value in values.values()) else values
+    return None if any(value is VALUE_FOR_TYPER_TO_CONVERT for value in values.values()) else values
 
 
 def _split_options_and_words_or_none(
@@ -113,13 +118,13 @@ def _split_options_and_words_or_none(
 
 
 def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
-    """The value of a parameter; `LEFT_TO_TYPER` where Typer has to find it, or to say what is wrong."""
+    """The value of a parameter; `VALUE_FOR_TYPER_TO_CONVERT` where Typer has to find it, or to say what is wrong."""
     declaration = find_declaration_in_type_hint(parameter.annotation)
     kind = get_args(parameter.annotation)[0]
     if given is parameter.empty or declaration is None:
-        return LEFT_TO_TYPER
+        return VALUE_FOR_TYPER_TO_CONVERT
     if given is not None and declaration.settings_or_empty_if_deferred.get("callback"):  # `--config` reads a file
-        return LEFT_TO_TYPER
+        return VALUE_FOR_TYPER_TO_CONVERT
     if given is None:
         return () if list[str] in get_args(kind) else None  # as Typer has it
     if kind is bool and isinstance(given, bool):
@@ -130,9 +135,9 @@ def _value_or_not_plain(parameter: inspect.Parameter, given: Any) -> Any:
     value = coerce_plain_value(kind, given)
     limits = declaration.settings_or_empty_if_deferred
     if (
-        value is LEFT_TO_TYPER
+        value is VALUE_FOR_TYPER_TO_CONVERT
         or is_non_finite(value)
         or not is_within_bounds(value, limits.get("min"), limits.get("max"))
     ):
-        return LEFT_TO_TYPER
+        return VALUE_FOR_TYPER_TO_CONVERT
     return value

@@ -13,7 +13,7 @@ from cwcli.url import redact_urls
 
 PROGRESS_DELAY_S = 1.0
 """Time after which the line is shown, s; chosen by hand."""
-MIN_SHARE_TO_FORETELL = 0.03
+MIN_DONE_WORK_TO_SHOW_REMAINING_TIME_SHARE = 0.03
 """Least share of the work after which the time that is left is shown; chosen by hand: before, it jumps."""
 PROGRESS_REFRESH_S = 0.2
 """Time between two updates of the line, s; chosen by hand."""
@@ -50,7 +50,7 @@ class Progress:
     def show_share(self, share: float) -> None:
         """Show the share of the work that is done, from 0 to 1 (`cwcli.work_share.report_work_share_to`)."""
         self._fraction = share
-        self._left = (1.0 - share) / share if MIN_SHARE_TO_FORETELL <= share < 1.0 else None
+        self._left = (1.0 - share) / share if MIN_DONE_WORK_TO_SHOW_REMAINING_TIME_SHARE <= share < 1.0 else None
 
     def __call__(self, done: float, total: float, skipped: float = 0) -> None:
         """Report the work done, the total and the part that was skipped, in any common unit."""

@@ -76,9 +76,16 @@ LARGEST_TOLERANCE_AND_UNIT = {
 }
 """Tolerance of recorded trials (`cwcli.conformance.validity`) -> the largest one that a file can give, and its unit.
 Chosen by hand: several times the published ones; beyond them any drive would be a valid trial."""
-POSITIVE_GIVEN_NUMBERS = ("host_speed", "gap", "deceleration", "ramp_time", "approach_time", "lane_change_time")
+TRIAL_INPUT_NAMES_THAT_MUST_BE_POSITIVE = (
+    "host_speed",
+    "gap",
+    "deceleration",
+    "ramp_time",
+    "approach_time",
+    "lane_change_time",
+)
 """Names of what a trial can be given that can't be 0."""
-TEXT_BY_BASIS = {
+TEXT_BY_BASIS_OF_CLAUSE_NUMBER = {
     "read": "as published",
     "memory": "as commonly stated, not checked",
     "own": "chosen here",
@@ -124,7 +131,7 @@ class PublishedNumber:
         values: As printed, in `unit`.
         unit: A key of `SI_PER_UNIT`.
         source, page: Where it is printed; the page or section, "" where it is not known.
-        basis: A key of `TEXT_BY_BASIS`.
+        basis: A key of `TEXT_BY_BASIS_OF_CLAUSE_NUMBER`.
         ttc: A key of `MEANING_BY_TTC_DEFINITION`: how the source defines the time to collision that the number is.
     """
 
@@ -429,8 +436,12 @@ def _parse_number(name: str, table: Any, where: str, place: str = "numbers") -> 
     _check_keys(table, NUMBER_KEYS, {"value", "unit", "source", "basis"}, path, where)
     if not _is_one_of(table["unit"], SI_PER_UNIT):
         raise UsageError(f"{path}.unit is {table['unit']!r}", where=where, hint=f"one of: {', '.join(SI_PER_UNIT)}")
-    if not _is_one_of(table["basis"], TEXT_BY_BASIS):
-        raise UsageError(f"{path}.basis is {table['basis']!r}", where=where, hint=f"one of: {', '.join(TEXT_BY_BASIS)}")
+    if not _is_one_of(table["basis"], TEXT_BY_BASIS_OF_CLAUSE_NUMBER):
+        raise UsageError(
+            f"{path}.basis is {table['basis']!r}",
+            where=where,
+            hint=f"one of: {', '.join(TEXT_BY_BASIS_OF_CLAUSE_NUMBER)}",
+        )
     if not _is_one_of(table.get("ttc", ""), MEANING_BY_TTC_DEFINITION):
         raise UsageError(
             f"{path}.ttc is {table['ttc']!r}", where=where, hint=f"one of: {', '.join(MEANING_BY_TTC_DEFINITION)}"
@@ -467,7 +478,9 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
     if not _is_one_of(table["scene"], SCENES):
         hint = hint_at_closest_or_all_known_names(str(table["scene"]), SCENES)
         raise UsageError(f"{title}: there is no scene {table['scene']!r}", where=where, hint=hint)
-    demands: Sequence[str] | None = getattr(require_judge_module(str(table["judge"]), where), "DEMANDS", None)
+    demands: Sequence[str] | None = getattr(
+        require_judge_module(str(table["judge"]), where), "NUMBERS_THAT_JUDGE_NEEDS", None
+    )
     for key in _table_or_empty(table, "demands", where):
         if demands is not None and key not in demands:
             hint = hint_at_closest_or_all_known_names(str(key), demands)
@@ -482,7 +495,7 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
                     hint=hint_at_closest_or_all_known_names(str(number), numbers),
                 )
             used[group, key] = numbers[number]
-            if key in POSITIVE_GIVEN_NUMBERS and min(numbers[number].values) <= 0.0:
+            if key in TRIAL_INPUT_NAMES_THAT_MUST_BE_POSITIVE and min(numbers[number].values) <= 0.0:
                 value = numbers[number].text
                 raise UsageError(f"numbers.{number}.value is {value}; permitted: more than 0", where=where)
             _check_unit(f"{title}: {group}.{key}", key, numbers[number], where)

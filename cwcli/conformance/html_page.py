@@ -15,7 +15,13 @@ from cwcli.version import __version__
 
 COLOUR_BY_OUTCOME = {PASSED: "#1c6fb8", FAILED: "#c02f2f", NOT_VALID: "#8a6d1a", NOT_JUDGED: "#777777"}
 """Outcome -> its colour; blue and red stay apart for the colour-blind, and marks differ in shape, too."""
-ROW_PX, NAME_PX, PLOT_PX, VALUE_PX, HEAD_PX = 19, 300, 400, 200, 22
+(
+    MARGIN_PLOT_ROW_HEIGHT_PX,
+    NAME_COLUMN_WIDTH_PX,
+    PLOT_COLUMN_WIDTH_PX,
+    VALUE_COLUMN_WIDTH_PX,
+    MARGIN_PLOT_AXIS_HEIGHT_PX,
+) = 19, 300, 400, 200, 22
 """Size of the picture of margins, pixels: height of a row, widths of its three columns, height of the axis."""
 AXIS_MARGIN_SHARE = 0.06
 """Share of the axis' range that is left free at each end."""
@@ -125,27 +131,28 @@ def _margin_picture(trials: Sequence[TrialResult]) -> str:
     low, high = low - spare, high + spare
 
     def margin_to_x_px(margin: float) -> float:
-        return NAME_PX + PLOT_PX * (margin - low) / (high - low)
+        return NAME_COLUMN_WIDTH_PX + PLOT_COLUMN_WIDTH_PX * (margin - low) / (high - low)
 
-    height = HEAD_PX + ROW_PX * len(trials) + 4
+    height = MARGIN_PLOT_AXIS_HEIGHT_PX + MARGIN_PLOT_ROW_HEIGHT_PX * len(trials) + 4
     zero = margin_to_x_px(0.0)
     lines = [
-        f'<rect x="{NAME_PX}" y="{HEAD_PX}" width="{zero - NAME_PX:.1f}" height="{height - HEAD_PX}" fill="#fbeaea"/>',
+        f'<rect x="{NAME_COLUMN_WIDTH_PX}" y="{MARGIN_PLOT_AXIS_HEIGHT_PX}" width="{zero - NAME_COLUMN_WIDTH_PX:.1f}" '
+        f'height="{height - MARGIN_PLOT_AXIS_HEIGHT_PX}" fill="#fbeaea"/>',
         *_margin_axis_svg(low, high, margin_to_x_px, height),
-        f'<line x1="{zero:.1f}" x2="{zero:.1f}" y1="{HEAD_PX}" y2="{height}" stroke="#c02f2f"/>',
+        f'<line x1="{zero:.1f}" x2="{zero:.1f}" y1="{MARGIN_PLOT_AXIS_HEIGHT_PX}" y2="{height}" stroke="#c02f2f"/>',
     ]
     for k, trial in enumerate(trials):
-        y = HEAD_PX + ROW_PX * (k + 0.5)
+        y = MARGIN_PLOT_AXIS_HEIGHT_PX + MARGIN_PLOT_ROW_HEIGHT_PX * (k + 0.5)
         text = f'y="{y + 4:.1f}" font-size="12"'
         lines.append(f'<text x="0" {text}>{escape(_shorten_keeping_end(trial.trial.name))}</text>')
         lines += [_outcome_mark_svg(margin_to_x_px(margin), y, outcome) for margin, outcome in found[trial.trial.name]]
         words = trial.margin_text or trial.worst_repetition_text
         colour = COLOUR_BY_OUTCOME[trial.outcome]
         lines.append(
-            f'<text x="{NAME_PX + PLOT_PX + 10}" {text} fill="{colour}">'
+            f'<text x="{NAME_COLUMN_WIDTH_PX + PLOT_COLUMN_WIDTH_PX + 10}" {text} fill="{colour}">'
             f"{trial.outcome}, {trial.passed_text}, {escape(words)}</text>"
         )
-    width = NAME_PX + PLOT_PX + VALUE_PX
+    width = NAME_COLUMN_WIDTH_PX + PLOT_COLUMN_WIDTH_PX + VALUE_COLUMN_WIDTH_PX
     return (
         f'<svg viewBox="0 0 {width} {height}" width="{width}" role="img" aria-label="margins of all repetitions">'
         f"{''.join(lines)}</svg>"
@@ -159,7 +166,9 @@ def _margin_axis_svg(low: float, high: float, place: Callable[[float], float], h
     lines = ['<text x="0" y="14" font-size="12" fill="#555">margin to the required number, s</text>']
     for tick in ticks:
         x = place(tick)
-        lines.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{HEAD_PX}" y2="{height}" stroke="#e2e2e2"/>')
+        lines.append(
+            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{MARGIN_PLOT_AXIS_HEIGHT_PX}" y2="{height}" stroke="#e2e2e2"/>'
+        )
         lines.append(
             f'<text x="{x:.1f}" y="14" font-size="12" fill="#555" text-anchor="middle">{_tick_text(tick)}</text>'
         )

@@ -30,10 +30,10 @@ TRIAL_END_BEYOND_BOUNDARY_M = 1.0
 """Distance of the drift beyond the boundary at which a trial ends, m. Chosen by hand: more than every latest line."""
 DURATION_OF_DRIVE_WITHOUT_DRIFT_S = 60.0
 """Duration of a drive without a drift, s. Chosen by hand."""
-SHARES_OF_RATE_STEERED_FOR = np.linspace(0.5, 1.1, 512)
+STEERED_LATERAL_SPEED_TO_PRESCRIBED_RATE_RATIOS = np.linspace(0.5, 1.1, 512)
 """Lateral speed that each drive of a batch steers for, as a share of the prescribed rate; a driver overshoots. Chosen
 by hand."""
-SEEDS_OF_BATCH = 8
+N_SEEDS_PER_BATCH = 8
 """Number of seeds that share a batch of drives, each with its own drive. Chosen by hand."""
 MAX_DRAWS_OF_BATCH = 4
 """Number of times a batch is drawn anew where not enough of its drives hold the rate. Chosen by hand."""
@@ -44,8 +44,8 @@ MAX_DURATION_OF_DRIFT_S = 45.0
 RATE_TOLERANCE_AT_LINE_MPS = 0.02
 """How far the rate may be off on the boundary, m/s. Chosen by hand: a fifth of R130's slowest drift."""
 RATE_TOLERANCE_NEAR_LINE_MPS = 0.1
-"""How far it may be off within `STEADY_DRIFT_M` of the boundary, m/s. Chosen by hand."""
-STEADY_DRIFT_M = 0.3
+"""How far it may be off within `MAX_BOUNDARY_DISTANCE_OF_CHECKED_DRIFT_RATE_M` of the boundary, m/s. Chosen by hand."""
+MAX_BOUNDARY_DISTANCE_OF_CHECKED_DRIFT_RATE_M = 0.3
 """Distance from the boundary, on both sides, within which the rate is checked, m. The latest line of ISO and R130."""
 
 
@@ -119,7 +119,7 @@ def simulate_lane_trial(trial_numbers: Mapping[str, float], seed: int) -> LaneTr
         )
         index, side = 0, ""
     else:
-        batch, index = divmod(seed, SEEDS_OF_BATCH)
+        batch, index = divmod(seed, N_SEEDS_PER_BATCH)
         truth = _simulate_steady_drifts(trial_numbers.get("radius"), speed, rate, batch)
         side = "left boundary" if rate > 0.0 else "right boundary"
     gap_m, rate_mps = _gap_and_rate(truth, rate)
@@ -140,12 +140,13 @@ def _gap_and_rate(truth: LaneDriveTruth, rate: float) -> tuple[FloatArray, Float
 
 @lru_cache(maxsize=1)
 def _simulate_steady_drifts(radius_m: float | None, speed: float, rate: float, batch: int) -> LaneDriveTruth:
-    """Simulate many drives of a drift; return the `SEEDS_OF_BATCH` ones that hold its rate best, best first.
+    """Simulate many drives of a drift; return the `N_SEEDS_PER_BATCH` ones that hold its rate best, best first.
 
-    They have the right rate on the boundary, and are off least within `STEADY_DRIFT_M` of it.
+    They have the right rate on the boundary, and are off least within
+    `MAX_BOUNDARY_DISTANCE_OF_CHECKED_DRIFT_RATE_M` of it.
     """
     road, car = _build_road(radius_m), load_vehicle()
-    drifts = rate * SHARES_OF_RATE_STEERED_FOR
+    drifts = rate * STEERED_LATERAL_SPEED_TO_PRESCRIBED_RATE_RATIOS
     start_s = np.full(len(drifts), DRIFT_START_S)
     half_m = 0.5 * (road.lane_width_m - car.width_m)
     duration_s = DRIFT_START_S + 2.0 + (half_m + TRIAL_END_BEYOND_BOUNDARY_M) / abs(rate)
@@ -157,18 +158,20 @@ def _simulate_steady_drifts(radius_m: float | None, speed: float, rate: float, b
         gap_m, rate_mps = _gap_and_rate(truth, rate)
         error_mps = np.abs(rate_mps - abs(rate))
         at_line_mps = error_mps[np.argmax(gap_m <= 0.0, axis=0), np.arange(len(drifts))]
-        worst_mps = np.where(np.abs(gap_m) <= STEADY_DRIFT_M, error_mps, 0.0).max(axis=0)
+        worst_mps = np.where(np.abs(gap_m) <= MAX_BOUNDARY_DISTANCE_OF_CHECKED_DRIFT_RATE_M, error_mps, 0.0).max(axis=0)
         is_held = (at_line_mps <= RATE_TOLERANCE_AT_LINE_MPS) & (worst_mps <= RATE_TOLERANCE_NEAR_LINE_MPS)
-        is_held &= gap_m.min(axis=0) <= -STEADY_DRIFT_M
-        if np.count_nonzero(is_held) >= SEEDS_OF_BATCH:
+        is_held &= gap_m.min(axis=0) <= -MAX_BOUNDARY_DISTANCE_OF_CHECKED_DRIFT_RATE_M
+        if np.count_nonzero(is_held) >= N_SEEDS_PER_BATCH:
             break
     else:
         raise UsageError(
             f"no driver leaves the lane steadily at {abs(rate):g} m/s",
-            found=(f"of {len(drifts)} drives {np.count_nonzero(is_held)} hold the rate; {SEEDS_OF_BATCH} are needed",),
+            found=(
+                f"of {len(drifts)} drives {np.count_nonzero(is_held)} hold the rate; {N_SEEDS_PER_BATCH} are needed",
+            ),
             hint="take a slower drift, a lower speed or a wider bend",
         )
-    best = np.argsort(np.where(is_held, worst_mps, math.inf), kind="stable")[:SEEDS_OF_BATCH]
+    best = np.argsort(np.where(is_held, worst_mps, math.inf), kind="stable")[:N_SEEDS_PER_BATCH]
     columns = {each.name: getattr(truth, each.name) for each in fields(truth)}
     return LaneDriveTruth(**{name: values[:, best] if values.ndim == 2 else values for name, values in columns.items()})
 

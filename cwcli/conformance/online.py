@@ -21,14 +21,14 @@ from cwcli.evaluation.records import find_collision_warning_record_and_is_of_tar
 from cwcli.input import InputFile
 from cwcli.logs.read.reader import Log
 from cwcli.output_stream import OutputStream
-from cwcli.pipeline.execute import WRITE_ALL_CHANNELS
+from cwcli.pipeline.execute import DEFAULT_CHOICE_OF_ALL_WRITTEN_CHANNELS
 from cwcli.pipeline.records import read_configuration, read_run_records
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.simulate.sensor_log import write_simulated_log
 from cwcli.simulation.drive import SimulatedDrive
-from cwcli.simulation.scenario import HOST_NAME, Scenario, parse_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario, parse_scenario
 from cwcli.stages import STAGES
 
 TRUTH_AFTER_TRIAL_S = 8.0
@@ -57,7 +57,7 @@ def build_trial_scenario(built: BuiltScene, grade: str, *, name: str) -> Scenari
 
 def true_encounter(scenario: Scenario, built: BuiltScene) -> Encounter:
     """Return the true motion of the host and the principal other vehicle."""
-    host, other = scenario.vehicles[HOST_NAME], scenario.vehicles[built.other]
+    host, other = scenario.vehicles[EGO_VEHICLE_KEY], scenario.vehicles[built.other]
     n = int((scenario.duration_s + TRUTH_AFTER_TRIAL_S) / TRIAL_TRUTH_STEP_S) + 1
     time_s: FloatArray = np.arange(n, dtype=np.float64) * TRIAL_TRUTH_STEP_S
     return Encounter(
@@ -172,6 +172,6 @@ def _run_stages(
             changed = {"rule": rules[0]} | ({} if horizon_s is None else {"horizon_s": horizon_s})
             config = replace(config, rule=replace(config.rule, **changed), rules=tuple(rules))
         result: StageResult = STAGES[name].stage_function(current, config)
-        record = {f"cwcli.run.{name}": WRITE_ALL_CHANNELS.record_with_written_topics(result)}
+        record = {f"cwcli.run.{name}": DEFAULT_CHOICE_OF_ALL_WRITTEN_CHANNELS.record_with_written_topics(result)}
         current = current.with_channels(result.channels, record)
     return current, result

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
-from cwcli.conformance.clause import MEANING_BY_TTC_DEFINITION, TEXT_BY_BASIS, Clause
+from cwcli.conformance.clause import MEANING_BY_TTC_DEFINITION, TEXT_BY_BASIS_OF_CLAUSE_NUMBER, Clause
 from cwcli.conformance.results import FAILED, NOT_JUDGED, NOT_VALID, ClauseResult
 from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.text import format_count
@@ -60,7 +60,7 @@ def published_numbers_table(clause: Clause) -> SummaryTable:
         (
             name,
             number.text,
-            TEXT_BY_BASIS[number.basis],
+            TEXT_BY_BASIS_OF_CLAUSE_NUMBER[number.basis],
             number.source,
             number.page_text,
             MEANING_BY_TTC_DEFINITION[number.ttc] if number.ttc else "",

@@ -19,7 +19,7 @@ from cwcli.conformance.online import run_missing_stages
 from cwcli.conformance.results import ClauseResult, Repetition, TrialResult
 from cwcli.conformance.run import ConformConfig, judge_driven_trial, settings_of_clause_run
 from cwcli.conformance.validity import (
-    RECORDED_SCENES,
+    SCENES_RECOGNISABLE_IN_LOGS,
     checked_start_and_end_s,
     find_tolerance_breaches,
     match_encounter_with_trial,
@@ -36,7 +36,7 @@ from cwcli.signals.field_condition import CONDITION_EXAMPLES_HINT, parse_conditi
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, X, Y
 
-MAX_TRIAL_DISTANCE_IN_TOLERANCES = 4.0
+MAX_SPEED_DIFFERENCE_FROM_TRIAL_IN_TOLERANCES = 4.0
 """A recorded drive is a trial of the clause if its speeds are within this many tolerances of the trial's. Chosen by
 hand: the trials of the clauses differ by more."""
 MOTION_CONTINUED_WITHOUT_REACTION_S = 12.0
@@ -44,7 +44,7 @@ MOTION_CONTINUED_WITHOUT_REACTION_S = 12.0
 hand: longer than every time to collision."""
 UNREACTED_MOTION_STEP_S = 0.02
 """Time step, s, of the host's motion as if it had not reacted. Chosen by hand."""
-DEFAULT_REACTION_DECELERATION_MPS2 = 0.15 * 9.80665
+DEFAULT_MIN_DECELERATION_OF_HOST_REACTION_MPS2 = 0.15 * 9.80665
 """Deceleration from which on the host reacts, m/s^2, where the clause gives none (49 CFR 571.127: 0.15 g)."""
 
 
@@ -192,11 +192,11 @@ def _find_driven_trial_and_encounter(
     seen: list[str] = []
     for vehicle, encounter in encounters.items():
         for trial in clause.trials:
-            if trial.scene not in RECORDED_SCENES:
+            if trial.scene not in SCENES_RECOGNISABLE_IN_LOGS:
                 continue
             match = match_encounter_with_trial(clause, trial, encounter)
             seen.append(f"{vehicle} as {trial.name}: {match.text}")
-            if match.distance <= MAX_TRIAL_DISTANCE_IN_TOLERANCES:
+            if match.distance <= MAX_SPEED_DIFFERENCE_FROM_TRIAL_IN_TOLERANCES:
                 near.append((match.distance, trial, match.encounter))
     if not near:
         raise DataError(
@@ -232,7 +232,7 @@ def _check_and_judge_recorded_trial(
     place: LogTrial,
 ) -> Repetition:
     """Check a recorded trial's tolerances, and judge its warnings."""
-    onset = clause.tolerance("subject-onset") or DEFAULT_REACTION_DECELERATION_MPS2
+    onset = clause.tolerance("subject-onset") or DEFAULT_MIN_DECELERATION_OF_HOST_REACTION_MPS2
     begin_s, end_s = encounter.time_s[0], encounter.time_s[-1]
     inside = tuple(each for each in warnings if begin_s <= each.raised_s <= end_s)
     reaction_s = host_braking_onset_or_end_s(encounter, onset)

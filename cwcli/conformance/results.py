@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from cwcli.conformance.clause import TEXT_BY_BASIS, Clause, PublishedNumber, Trial
+from cwcli.conformance.clause import TEXT_BY_BASIS_OF_CLAUSE_NUMBER, Clause, PublishedNumber, Trial
 from cwcli.conformance.verdict import Verdict
 from cwcli.lazy_dataclass import dataclass
 from cwcli.text import finite_or_none
@@ -180,7 +180,7 @@ def _number_document(number: PublishedNumber) -> dict[str, Any]:
         "unit": number.unit,
         "source": number.source,
         "page": number.page_text,
-        "basis": TEXT_BY_BASIS[number.basis],
+        "basis": TEXT_BY_BASIS_OF_CLAUSE_NUMBER[number.basis],
         "ttc": number.ttc,
     }
 

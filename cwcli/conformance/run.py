@@ -308,6 +308,7 @@ def settings_of_clause_run(clause: Clause, config: ConformConfig) -> dict[str, s
     settings = {"rule": config.rule, **horizon, "grade": config.grade or clause.grade}
     policy = config.policy or clause.policy
     is_used = any(
-        getattr(require_judge_module(each.judge, clause.name), "USES_POLICY", False) for each in clause.trials
+        getattr(require_judge_module(each.judge, clause.name), "VERDICT_DEPENDS_ON_BRAKING_POLICY", False)
+        for each in clause.trials
     )
     return {**settings, "policy": policy} if is_used and policy != NO_BRAKING_POLICY else settings

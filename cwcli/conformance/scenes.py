@@ -11,7 +11,7 @@ from typing import Any
 
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
-from cwcli.simulation.scenario import HOST_NAME
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY
 
 CAR_LENGTH_AND_WIDTH_M = (4.5, 1.8)
 """Length and width of the cars of the trials, m. Chosen: a mid-size passenger car."""
@@ -106,7 +106,7 @@ def build_approach(trial_numbers: Mapping[str, float]) -> BuiltScene:
     length_m = trial_numbers.get("other_length", CAR_LENGTH_AND_WIDTH_M[0])
     gap_m = (host - other) * approach_s
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": host},
+        EGO_VEHICLE_KEY: {"speed_mps": host},
         PRINCIPAL_OTHER_VEHICLE_NAME: {
             "speed_mps": other,
             "x_m": _centre_distance_m(gap_m, length_m),
@@ -118,7 +118,7 @@ def build_approach(trial_numbers: Mapping[str, float]) -> BuiltScene:
     return BuiltScene(_document_of_vehicles(approach_s + SCENE_TIME_AFTER_CONTACT_S, **vehicles), 0.0)
 
 
-def build_radar_return(trial_numbers: Mapping[str, float]) -> BuiltScene:
+def build_standing_radar_target(trial_numbers: Mapping[str, float]) -> BuiltScene:
     """The host's radar detects what stands in its lane and sends no messages; a radar does not measure height.
 
     What it is, a car, a plate on the road or a bridge, is up to the judge: the returns are the same.
@@ -153,7 +153,7 @@ def build_braking_lead(trial_numbers: Mapping[str, float]) -> BuiltScene:
         },
     ]
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": speed},
+        EGO_VEHICLE_KEY: {"speed_mps": speed},
         PRINCIPAL_OTHER_VEHICLE_NAME: {"speed_mps": speed, "x_m": _centre_distance_m(gap_m), "longitudinal": braking},
     }
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), STEADY_TIME_BEFORE_EVENT_S)
@@ -233,7 +233,7 @@ def build_cut_in(trial_numbers: Mapping[str, float]) -> BuiltScene:
         "lateral": lane_change_segments(other, -LANE_WIDTH_M, start_s, duration_s),
     }
     end_s = max(middle_s + ttc_s, start_s + duration_s + YAW_RATE_BUILD_UP_TIME_S) + SCENE_TIME_AFTER_CONTACT_S
-    vehicles: dict[str, dict[str, Any]] = {HOST_NAME: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: cutter}
+    vehicles: dict[str, dict[str, Any]] = {EGO_VEHICLE_KEY: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: cutter}
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), start_s)
 
 
@@ -259,7 +259,7 @@ def build_cut_out(trial_numbers: Mapping[str, float]) -> BuiltScene:
         STEADY_TIME_BEFORE_EVENT_S + max(reveal_s, duration_s + YAW_RATE_BUILD_UP_TIME_S) + SCENE_TIME_AFTER_CONTACT_S
     )
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": speed},
+        EGO_VEHICLE_KEY: {"speed_mps": speed},
         "lead": lead,
         PRINCIPAL_OTHER_VEHICLE_NAME: standing,
     }
@@ -285,7 +285,8 @@ def build_crossing(trial_numbers: Mapping[str, float]) -> BuiltScene:
         "turning_radius_m": 1.0,
     }
     document = _document_of_vehicles(
-        meet_s + SCENE_TIME_AFTER_CONTACT_S, **{HOST_NAME: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: crosser}
+        meet_s + SCENE_TIME_AFTER_CONTACT_S,
+        **{EGO_VEHICLE_KEY: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: crosser},
     )
     return BuiltScene(document, 0.0)
 
@@ -302,7 +303,7 @@ def build_oncoming(trial_numbers: Mapping[str, float]) -> BuiltScene:
     }
     document = _document_of_vehicles(
         approach_s + SCENE_TIME_AFTER_CONTACT_S,
-        **{HOST_NAME: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: oncoming},
+        **{EGO_VEHICLE_KEY: {"speed_mps": host}, PRINCIPAL_OTHER_VEHICLE_NAME: oncoming},
     )
     return BuiltScene(document, 0.0)
 
@@ -334,7 +335,7 @@ def build_turn_across(trial_numbers: Mapping[str, float]) -> BuiltScene:
     meet_s, meet_x_m = float(time_s[k]), float(states[k, 0])
     oncoming = {"speed_mps": other, "heading_deg": 180.0, "x_m": meet_x_m + other * meet_s, "y_m": LANE_WIDTH_M}
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": host, "lateral": lateral},
+        EGO_VEHICLE_KEY: {"speed_mps": host, "lateral": lateral},
         PRINCIPAL_OTHER_VEHICLE_NAME: oncoming,
     }
     return BuiltScene(
@@ -351,7 +352,7 @@ def build_parked_on_both_sides(trial_numbers: Mapping[str, float]) -> BuiltScene
     x_m = _centre_distance_m(speed * APPROACH_START_TTC_S)
     parked = {"speed_mps": 0, "x_m": x_m}
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": speed},
+        EGO_VEHICLE_KEY: {"speed_mps": speed},
         PRINCIPAL_OTHER_VEHICLE_NAME: {**parked, "y_m": side_m},
         "right": {**parked, "y_m": -side_m},
     }
@@ -372,7 +373,7 @@ def build_parked_in_curve(trial_numbers: Mapping[str, float]) -> BuiltScene:
     parked = {"speed_mps": 0, "x_m": speed * begin_s + lag_m + ahead_m + 0.5 * CAR_LENGTH_AND_WIDTH_M[0], "y_m": 0.0}
     end_s = begin_s + 2.0 * ahead_m / speed + SCENE_TIME_AFTER_CONTACT_S
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": speed, "lateral": lateral},
+        EGO_VEHICLE_KEY: {"speed_mps": speed, "lateral": lateral},
         PRINCIPAL_OTHER_VEHICLE_NAME: parked,
     }
     return BuiltScene(_document_of_vehicles(end_s, **vehicles), 0.0)
@@ -405,7 +406,10 @@ def build_following(trial_numbers: Mapping[str, float]) -> BuiltScene:
         + 3.0
     )
     vehicles: dict[str, dict[str, Any]] = {
-        HOST_NAME: {"speed_mps": speed, "longitudinal": braking_segments(STEADY_TIME_BEFORE_EVENT_S + reaction_s)},
+        EGO_VEHICLE_KEY: {
+            "speed_mps": speed,
+            "longitudinal": braking_segments(STEADY_TIME_BEFORE_EVENT_S + reaction_s),
+        },
         PRINCIPAL_OTHER_VEHICLE_NAME: {
             "speed_mps": speed,
             "x_m": _centre_distance_m(gap_m),
@@ -420,7 +424,7 @@ SCENES: Mapping[str, Scene] = {
     "approach": Scene(
         build_approach, ("host_speed",), ("other_speed", "approach_time", "lateral_offset", *_OTHER_SIZE_NUMBERS)
     ),
-    "radar-return": Scene(build_radar_return, ("host_speed",), ("lateral_offset", *_OTHER_SIZE_NUMBERS)),
+    "radar-return": Scene(build_standing_radar_target, ("host_speed",), ("lateral_offset", *_OTHER_SIZE_NUMBERS)),
     "braking-lead": Scene(build_braking_lead, ("host_speed", "gap", "deceleration"), ("ramp_time",)),
     "convoy": Scene(build_convoy, ("host_speed", "gap", "deceleration"), ("ramp_time", "reaction_time")),
     "cut-in": Scene(build_cut_in, ("host_speed", "other_speed", "ttc_at_cut_in"), ("lane_change_time",)),

@@ -19,7 +19,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, SPEED
 
-RECORDED_SCENES = ("approach", "braking-lead")
+SCENES_RECOGNISABLE_IN_LOGS = ("approach", "braking-lead")
 """Scenes that are found in logs: their numbers can be read off the motion of two vehicles."""
 CHECKED_TIME_BEFORE_BRAKING_S = 3.0
 """Time before the lead's braking from which on a trial is checked, s (NHTSA's confirmation test, as commonly stated,

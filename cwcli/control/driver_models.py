@@ -25,7 +25,7 @@ HUMAN_BRAKING_JERK_MPS3 = 12.65
 """Rate at which the human's deceleration grows, m/s^3; UN Regulation 157, annex 4, appendix 3: 0.774 g in 0.6 s."""
 HUMAN_CRITICAL_TTC_S = 2.0
 """Time to collision below which the human takes a cut-in as dangerous, s; UN Regulation 157, annex 4, appendix 3."""
-R157_BRAKING_MPS2, R157_REACTION_S, R157_LATERAL_GAP_M, R157_STEP_S = 6.0, 0.35, 0.5, 0.1
+R157_BRAKING_MPS2, R157_REACTION_S, R157_CUT_IN_LATERAL_GAP_M, R157_CRITERION_ADDED_TIME_STEP_S = 6.0, 0.35, 0.5, 0.1
 """Deceleration (m/s^2), reaction time (s), lateral gap (m) at which a vehicle cuts in, and added time step (s) of the
 regulation's own criterion; UN Regulation 157, 5.2.5.2, the last two as in JRC-FSM."""
 RSS_REACTION_S, RSS_ACCEL_MPS2, RSS_BRAKING_MPS2 = 0.75, 3.0, 6.0
@@ -105,8 +105,12 @@ def _is_cut_in_early_enough(situation: DrivingSituation) -> BoolArray:
 
 def _r157_braking_mps2(situation: DrivingSituation) -> FloatArray:
     """Deceleration of the regulation's criterion: full where the time to collision is too short to brake."""
-    bound_s = situation.closing_speed_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_STEP_S
-    danger = ~situation.is_behind & (situation.lateral_gap_m <= R157_LATERAL_GAP_M) & (situation.ttc_s <= bound_s)
+    bound_s = (
+        situation.closing_speed_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_CRITERION_ADDED_TIME_STEP_S
+    )
+    danger = (
+        ~situation.is_behind & (situation.lateral_gap_m <= R157_CUT_IN_LATERAL_GAP_M) & (situation.ttc_s <= bound_s)
+    )
     return np.where(danger, R157_BRAKING_MPS2, 0.0)
 
 

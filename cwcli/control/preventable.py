@@ -28,7 +28,7 @@ from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import BoolArray, FloatArray, encode_strings, repeat_string
 from cwcli.signals.units import NS_PER_S
 
-JUDGED_BEFORE_CONFLICT_S, SIMULATED_AFTER_CONFLICT_S = 8.0, 6.0
+FIRST_DRIVER_TAKEOVER_BEFORE_CONFLICT_S, SIMULATION_END_AFTER_CONFLICT_S = 8.0, 6.0
 """Time before the conflict at which a driver model takes over first, and time after it at which its drive ends, s.
 Chosen by hand; not fitted."""
 SIMULATION_STEP_S = 0.1
@@ -75,7 +75,11 @@ def judge_preventability(
         conflict_ns: Stamp of the crash, or of the most critical moment.
     """
     host, other = (_finite_times_and_states(track, conflict_ns) for track in (pair.host, pair.other))
-    first = max(host[0][0], other[0][0], -JUDGED_BEFORE_CONFLICT_S) if len(host[0]) and len(other[0]) else np.inf
+    first = (
+        max(host[0][0], other[0][0], -FIRST_DRIVER_TAKEOVER_BEFORE_CONFLICT_S)
+        if len(host[0]) and len(other[0])
+        else np.inf
+    )
     starts = (
         np.arange(np.ceil(first / SIMULATION_STEP_S - 1e-9), 1.0) * SIMULATION_STEP_S
         if np.isfinite(first)
@@ -85,7 +89,7 @@ def judge_preventability(
         return []
     time, state = host
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(state[:, :2], axis=0).T))])
-    n_steps = round((SIMULATED_AFTER_CONFLICT_S - float(starts[0])) / SIMULATION_STEP_S)
+    n_steps = round((SIMULATION_END_AFTER_CONFLICT_S - float(starts[0])) / SIMULATION_STEP_S)
     found = []
     for name, driver in drivers.items():
         outcome = simulate_driver_cases(

@@ -27,7 +27,7 @@ WARNING_STAGES = ("warn", "warn-targets", "warn-lane")
 NO_EGO_STATE_TEXT = f"no channel holds {DESCRIPTION_BY_ROLE[EGO_STATE.role]}"
 """The reason for leaving a stage out where the car's motion was not estimated, in the words of the channels."""
 
-_OTHER_STAGES_PATTERN = re.compile(r" \(another way: --stage ([\w,-]+)\)")
+_PATTERN_OF_ALTERNATIVE_STAGES_IN_REASON = re.compile(r" \(another way: --stage ([\w,-]+)\)")
 """How a reason for leaving a stage out names other stages that do the same."""
 
 
@@ -99,7 +99,7 @@ def _reason_for_no_warnings(left_out: Mapping[str, str]) -> tuple[str, ...]:
     if stage is None:
         return ()
     what = "lane" if stage == "warn-lane" else "collision"
-    reason, other = left_out[stage], _OTHER_STAGES_PATTERN.search(left_out[stage])
+    reason, other = left_out[stage], _PATTERN_OF_ALTERNATIVE_STAGES_IN_REASON.search(left_out[stage])
     reason = reason if other is None else reason[: other.start()]
     if reason == NO_EGO_STATE_TEXT:
         reason = left_out.get("estimate", reason)

@@ -12,7 +12,7 @@ from cwcli.channels.lanes import LaneRows, read_lanes
 from cwcli.channels.published import EGO_STATE, LANES, REJECTED, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.rejected import read_gated_measurements
 from cwcli.channels.target import read_targets_as_states
-from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
+from cwcli.channels.vehicle_state import KINEMATIC_AND_FLAG_FIELDS, KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
 from cwcli.channels.warning import WARNING_EVENT_FIELDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.result import NO_GATED_MEASUREMENTS, GatedMeasurements
@@ -136,7 +136,7 @@ SHOWN_FIELDS_BY_TOPIC: Mapping[str, tuple[str, ...] | None] = {
 }
 """The channels that the report shows, and which of their fields it needs (None: all)."""
 STORY_FIELDS_BY_TOPIC: Mapping[str, tuple[str, ...] | None] = {
-    EGO_STATE.topic: FLAGGED_KINEMATIC_FIELDS,
+    EGO_STATE.topic: KINEMATIC_AND_FLAG_FIELDS,
     REMOTE_STATE.topic: KINEMATIC_FIELDS,
     TARGETS.topic: None,
     WARNINGS.topic: WARNING_EVENT_FIELDS,

@@ -23,7 +23,7 @@ from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.lane_departure import LANE_DEPARTURE_RULE_NAME as LANE_DEPARTURE
 from cwcli.warning.pair import MAX_STANDSTILL_SPEED_MPS
 
-MAX_OTHERS_WITH_DISTANCE = 400
+MAX_VEHICLES_WITH_COMPUTED_DISTANCE_TO_EGO = 400
 """Greatest number of others whose distance to the ego is computed: those warned of, then the longest tracks. Chosen by
 hand; not fitted."""
 MAX_HEADING_DIFFERENCE_OF_SAME_DIRECTION_RAD = math.radians(45.0)
@@ -131,7 +131,7 @@ def find_encounters(drive: Drive) -> DriveEncounters:
     warned = {entry.other_id for entry in alerts}
     ranked = sorted(drive.others, key=lambda other: (other.id not in warned, -len(other.track.stamp_ns)))
     pairs: dict[int, Pair] = {}
-    for other in ranked[:MAX_OTHERS_WITH_DISTANCE]:
+    for other in ranked[:MAX_VEHICLES_WITH_COMPUTED_DISTANCE_TO_EGO]:
         pairs[id(other)] = _pair_with_host(drive, host, other)
     by_id: dict[str, OtherTrack] = {}
     for other in drive.others:
@@ -146,7 +146,7 @@ def find_encounters(drive: Drive) -> DriveEncounters:
             key = id(other_track), encounter.verdict.conflict_index
             warned_by.setdefault(key, []).append(encounter.event_id)
         encounters.append(encounter)
-    compared = ranked[:MAX_OTHERS_WITH_DISTANCE]
+    compared = ranked[:MAX_VEHICLES_WITH_COMPUTED_DISTANCE_TO_EGO]
     happened = [
         Conflict(other, conflict, tuple(warned_by.get((id(other), index), ())))
         for other in compared
@@ -159,7 +159,7 @@ def find_encounters(drive: Drive) -> DriveEncounters:
         encounters=tuple(encounters),
         missed_conflicts=tuple(missed) if drive.warnings is not None else (),
         nearest=_find_nearest_moving_approach(compared, pairs),
-        n_not_compared=max(0, len(ranked) - MAX_OTHERS_WITH_DISTANCE),
+        n_not_compared=max(0, len(ranked) - MAX_VEHICLES_WITH_COMPUTED_DISTANCE_TO_EGO),
         conflicts=tuple(happened),
         pairs=tuple((other, pairs[id(other)]) for other in compared),
     )

@@ -13,7 +13,7 @@ import numpy as np
 from cwcli.digest.drive import Drive
 from cwcli.digest.drive_sentences import drive_length_sentence, found_lanes_text, tracked_targets_text
 from cwcli.digest.encounters import DriveEncounters, Encounter
-from cwcli.estimation.online_availability import PARAMETERS_FROM_LOG
+from cwcli.estimation.online_availability import ORIGIN_NAME_OF_PARAMETERS_FROM_LOG
 from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE, VERDICT_UNDECIDED
 from cwcli.evaluation.doubts.base import Doubt
 from cwcli.evaluation.records import find_collision_warning_record_and_is_of_targets
@@ -351,7 +351,7 @@ def _state_knowledge_sentence_or_empty(drive: Drive) -> str:
             "them like this."
         )
     used = drive.records.get("estimate", {}).get("online_parameters", "")
-    but = ", but with noise and latencies from the whole log" if used == PARAMETERS_FROM_LOG else ""
+    but = ", but with noise and latencies from the whole log" if used == ORIGIN_NAME_OF_PARAMETERS_FROM_LOG else ""
     return f"Warnings are given when the car could have known{but}; what happened is judged in hindsight."
 
 

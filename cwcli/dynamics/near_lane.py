@@ -21,7 +21,7 @@ import numpy as np
 from cwcli.dynamics.samples import LaneSamples
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import (
-    MAX_DIRECTION_SINE_OF_DRAWN_LINE,
+    MAX_SINE_OF_DRAWN_LINE_DIRECTION,
     centre_arcs_of_lanes,
     distance_ahead_to_direction_sine_m,
     y_direction_curvature_of_lane_centres_at_distance,
@@ -47,7 +47,7 @@ def reference_to_actual_speed_ratio(speed_mps: FloatArray) -> FloatArray:
 
 def convert_sine_states_to_angles(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Replace the sine of e_L by its angle in states (n, 4) and, to first order, in covariances (n, 4, 4)."""
-    sine = np.clip(state[:, 3], -MAX_DIRECTION_SINE_OF_DRAWN_LINE, MAX_DIRECTION_SINE_OF_DRAWN_LINE)
+    sine = np.clip(state[:, 3], -MAX_SINE_OF_DRAWN_LINE_DIRECTION, MAX_SINE_OF_DRAWN_LINE_DIRECTION)
     size = np.ones_like(state)
     size[:, 3] = (1.0 - sine * sine) ** -0.5
     angles = np.column_stack([state[:, :3], np.arcsin(sine)])

@@ -78,7 +78,7 @@ RANGE_AND_UNIT_BY_CALIBRATION_CONSTANT: Mapping[str, ConstantSpec] = {
 """Name of each constant -> its permitted range, its unit and the quantities that may have it; chosen by hand."""
 DRIVING_AMOUNT_KEYS = ("distance_km", "accel_rms_mps2", "yaw_rate_rms_radps")
 """Keys that tell how much driving a calibration comes from."""
-MIN_DISAGREEING_CONSTANT_IN_SCATTER_SIGMAS = 3.0
+MIN_USED_CONSTANT_OF_DISAGREEING_DRIVES_SIGMAS = 3.0
 """A constant on which drives disagree is used only if it is more than this many sigmas of their scatter from zero.
 
 Chosen as for the significance of a latency; not fitted."""
@@ -150,7 +150,7 @@ class Constant:
         """
         if self.status is not ConstantStatus.DISAGREE:
             return self.has_value
-        return abs(self.value) > MIN_DISAGREEING_CONSTANT_IN_SCATTER_SIGMAS * math.hypot(self.sigma, self.spread)
+        return abs(self.value) > MIN_USED_CONSTANT_OF_DISAGREEING_DRIVES_SIGMAS * math.hypot(self.sigma, self.spread)
 
     @property
     def i_squared_between_drives(self) -> float:

@@ -11,7 +11,7 @@ from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES, MIN_SIGNIFICANT_SIGMAS, Latency, LatencyStatus
 from cwcli.estimation.lever_arms import set_lever_arms_of_user
-from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind, Measurements
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import PreparedSeries, clean_and_sort_measurements_and_note, earliest_stamp_ns
@@ -23,7 +23,7 @@ from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
 
-MIN_LOG_LIKELIHOOD_LOSS_PER_ROW = 0.02
+MIN_REPORTED_LOG_LIKELIHOOD_LOSS_PER_ROW = 0.02
 """Loss of log-likelihood per row of a source from which a note reports it.
 
 Chosen by tests.studies.city_drive: fixes with 0.6 m of noise that are corrected by 100 ms too much lose 0.04, those
@@ -65,7 +65,7 @@ def notes_on_worse_prediction_with_calibration(
     worse = [
         (source, kind)
         for (source, kind), gain in gains.items()
-        if float(gain.mean()) >= MIN_LOG_LIKELIHOOD_LOSS_PER_ROW and is_prediction_clearly_better(gain, 0.0)
+        if float(gain.mean()) >= MIN_REPORTED_LOG_LIKELIHOOD_LOSS_PER_ROW and is_prediction_clearly_better(gain, 0.0)
     ]
     total = sum(float(gain.sum()) for gain in gains.values())
     if not worse or total <= 0.0:
@@ -106,7 +106,7 @@ def _tune_and_predict_log(prepared: Sequence[PreparedSeries], config: EstimatorC
     scores = {
         (s.source, s.kind): row_log_likelihoods(s, nis)
         for s, nis in zip(series, result.nis, strict=True)
-        if s.kind not in IMU_RATE_KINDS and len(s)
+        if s.kind not in KINDS_THAT_IMU_MEASURES_TOO and len(s)
     }
     return _PredictedLog(tuned, scores)
 
@@ -145,7 +145,7 @@ def _texts_on_differing_latencies_and_noises(
     for found_series, used_series in zip(own.tuned.series, calibrated.tuned.series, strict=True):
         sigma, of_car = _root_mean_square_noise_sigma(found_series), _root_mean_square_noise_sigma(used_series)
         if (
-            found_series.kind not in IMU_RATE_KINDS
+            found_series.kind not in KINDS_THAT_IMU_MEASURES_TOO
             and not 1.0 / MIN_LISTED_NOISE_RATIO < sigma / of_car < MIN_LISTED_NOISE_RATIO
         ):
             what, unit = found_series.kind.name.lower(), QUANTITY_BY_KIND[found_series.kind].unit

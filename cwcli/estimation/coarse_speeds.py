@@ -30,7 +30,7 @@ MAX_SPEED_CHANGE_DURATION_S = 1.0
 CREEP_TIME_BESIDE_STANDSTILL_S = 2.0
 """Time before and after a standstill in which the rounded speed is zero and the car may move, s. Chosen by hand: it
 passes half a step in it."""
-COMPARED_STEP_S = 4.0
+MEAN_SPEED_COMPARISON_STEP_S = 4.0
 """Length of the steps, s, in which the mean speed is compared with that by fixes. Chosen by hand: noise of 1 m is
 0.35 m/s in it."""
 MIN_SPEED_CHANGE_NOISE_IN_STEPS = 0.1
@@ -82,7 +82,7 @@ def keep_changes_and_standstills_of_coarse_speeds_and_note(
 
 def _half_steps_below_fixes(speed: SensorSeries, fixes: SensorSeries, step_mps: float) -> int:
     """Return by how many half steps a speed lies below that of fixes: 1 if it is rounded down, -1 if up, else 0."""
-    edges_s = step_edges_s([fixes], COMPARED_STEP_S)
+    edges_s = step_edges_s([fixes], MEAN_SPEED_COMPARISON_STEP_S)
     if len(edges_s) < 2:
         return 0
     by_fixes, own = (compute_step_motion_by_source(s, edges_s).speed_mps for s in (fixes, speed))

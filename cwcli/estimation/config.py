@@ -66,9 +66,9 @@ def parse_source_units(entries: Sequence[str]) -> Mapping[str, str]:
     Raises:
         UsageError: An entry is malformed, a source comes twice, or there is no such unit.
     """
-    from cwcli.estimation.hypotheses import HYPOTHESES
+    from cwcli.estimation.hypotheses import UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND
 
-    known = {each.name for own in HYPOTHESES.values() for each in own}
+    known = {each.name for own in UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND.values() for each in own}
     found: dict[str, str] = {}
     for entry in entries:
         topic, _, unit = entry.partition("=")
@@ -116,7 +116,8 @@ class EstimatorConfig:
         compares_sources: Compare the sources with each other: contradictions are reported, and an outvoted source is
             left out.
         trusted_sources: Sources that are neither corrected nor left out.
-        source_units: Source -> name of the unit or convention that its values have, see `hypotheses.HYPOTHESES`.
+        source_units: Source -> name of the unit or convention that its values have, see
+            `hypotheses.UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND`.
         senders: How senders of BSMs filtered their motion before they sent it: "plain" not at all, "j2945" as SAE
             J2945/1 asks (`signals.bsm_sender`); the filter is inverted.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.role import Role
 
@@ -39,7 +39,7 @@ class SourceQuantity:
 
     def __str__(self) -> str:
         """The role and the topic."""
-        if self.kind in IMU_RATE_KINDS:
+        if self.kind in KINDS_THAT_IMU_MEASURES_TOO:
             return f"{Role.IMU} {self.kind.name.lower().replace('_', ' ')} ({self.source})"
         return f"{self.role_name_for_options} ({self.source})"
 

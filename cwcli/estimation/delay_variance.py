@@ -27,7 +27,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 
-KINDS_BY_STATE = {
+MEASUREMENT_KINDS_BY_STATE = {
     X: (Kind.POSITION,),
     SPEED: (Kind.SPEED, Kind.VELOCITY, Kind.POSITION),
     HEADING: (Kind.HEADING, Kind.YAW_RATE),
@@ -104,7 +104,7 @@ def delay_sigmas_of_best_known_sources(
 ) -> DelaySigmas:
     """Return what is not known of the delays of each quantity, by its best known source."""
     found = {}
-    for state, kinds in KINDS_BY_STATE.items():
+    for state, kinds in MEASUREMENT_KINDS_BY_STATE.items():
         of_kind = [
             [
                 math.hypot(unknown_delay_sigma_s(latency, _stamp_sigma_s(s)), unphysical_lead_of_fixes_s(s, latency))

@@ -23,7 +23,7 @@ from cwcli.signals.vehicle_state import X, Y
 MAX_NOISE_TO_SCATTER_RATIO = 2.0
 """Greatest ratio of the noise by the estimator to the scatter. Chosen by hand: it is 0.9 to 1.1 in simulated drives
 without a fault."""
-MAX_NOISE_TO_SCATTER_RATIO_AFTER_LEAVING_OUT = 1.5
+MAX_NOISE_TO_SCATTER_RATIO_WITH_ONE_SOURCE_LEFT_OUT = 1.5
 """Greatest such ratio of sources that agree after one was left out. Chosen by hand, between that without a fault and
 the greatest one."""
 MIN_NOISE_EXCESS_SHARE_OVER_SCATTER, MIN_NOISE_EXCESS_OVER_SCATTER_SIGMAS = 0.15, 4.0
@@ -31,7 +31,7 @@ MIN_NOISE_EXCESS_SHARE_OVER_SCATTER, MIN_NOISE_EXCESS_OVER_SCATTER_SIGMAS = 0.15
 1 / sqrt(n) for n rows. Chosen by hand: the greatest ratio in simulated drives without a fault is 1.1, of 181 rows."""
 ROUNDING_ERROR_SIGMA_IN_STEPS = 12.0**-0.5
 """One sigma of the error of a rounded value, in steps: that of a uniform distribution."""
-MIN_LASTING_ERROR_BY_KIND: Mapping[Kind, float] = {
+MIN_NOISE_COMPARED_WITH_SCATTER_BY_KIND: Mapping[Kind, float] = {
     Kind.POSITION: 1.5,
     Kind.VELOCITY: 0.7,
     Kind.SPEED: 0.7,
@@ -42,13 +42,13 @@ receiver under open sky last for minutes and are 1.5 m; 0.7 m/s is twice, and 0.
 noise of the kind in `QUANTITY_BY_KIND`."""
 
 
-MIN_DOUBTED_SHARE_OF_LASTING_ERROR = 0.25
-"""Least lasting error that raises a doubt, as a share of those of `MIN_LASTING_ERROR_BY_KIND`. Chosen by hand: as much
-as a car's place is off by half a degree of heading in 4 s."""
-MAX_SLOW_CHANGES_ALONG_TO_ACROSS = 1.4
+MIN_LASTING_ERROR_RAISING_DOUBT_SHARE = 0.25
+"""Least lasting error that raises a doubt, as a share of those of `MIN_NOISE_COMPARED_WITH_SCATTER_BY_KIND`.
+Chosen by hand: as much as a car's place is off by half a degree of heading in 4 s."""
+MAX_SLOW_FIX_ERROR_ALONG_TO_ACROSS_PATH_RATIO = 1.4
 """Greatest ratio of the changes of a slow error of fixes along the way to those across it that raises no doubt. Chosen
 by hand: it is 0.9 to 1.0 in the scenario `phone`, and 1.5 to 8 where a speed waves or slips."""
-MAX_SLOW_ERROR_TO_SCATTER = 10.0
+MAX_SLOW_ERROR_TO_SCATTER_RATIO_OF_BLAMELESS_FIXES = 10.0
 """Greatest ratio of a slow error of fixes to their scatter from which another source is blamed. Chosen by hand: it is 1
 to 5 where a speed is wrong, and above 20 where the receiver smooths its fixes, which then lag along the way, too."""
 KINDS_WITH_LASTING_ERROR_DOUBT = (Kind.POSITION, Kind.SPEED, Kind.HEADING)
@@ -79,8 +79,8 @@ def scatter_about_neighbours(values: FloatArray) -> float:
 
 def is_sigma_a_lasting_error(kind: Kind, sigma: float, scatter: float) -> bool:
     """Whether the noise that the estimator found is no noise of the source but an error that lasts."""
-    return kind in MIN_LASTING_ERROR_BY_KIND and sigma > max(
-        MAX_NOISE_TO_SCATTER_RATIO * scatter, MIN_LASTING_ERROR_BY_KIND[kind]
+    return kind in MIN_NOISE_COMPARED_WITH_SCATTER_BY_KIND and sigma > max(
+        MAX_NOISE_TO_SCATTER_RATIO * scatter, MIN_NOISE_COMPARED_WITH_SCATTER_BY_KIND[kind]
     )
 
 
@@ -106,27 +106,31 @@ def lasting_error_sigma(report: SourceReport) -> float:
 def is_lasting_error_large(report: SourceReport) -> bool:
     """Whether errors of a source that last are large enough to doubt that all sources are right."""
     return report.kind in KINDS_WITH_LASTING_ERROR_DOUBT and lasting_error_sigma(report) > (
-        MIN_DOUBTED_SHARE_OF_LASTING_ERROR * MIN_LASTING_ERROR_BY_KIND[report.kind]
+        MIN_LASTING_ERROR_RAISING_DOUBT_SHARE * MIN_NOISE_COMPARED_WITH_SCATTER_BY_KIND[report.kind]
     )
 
 
 def is_slow_error_one_of_speed(report: SourceReport) -> bool:
     """Whether a slow error of fixes lies along the way, as only one that another source causes does."""
     slow = report.slow_error
-    return slow.status is ParameterStatus.USED and slow.along_to_across > MAX_SLOW_CHANGES_ALONG_TO_ACROSS
+    return slow.status is ParameterStatus.USED and slow.along_to_across > MAX_SLOW_FIX_ERROR_ALONG_TO_ACROSS_PATH_RATIO
 
 
 def may_speed_be_blamed_for_slow_error(report: SourceReport) -> bool:
     """Whether a slow error of fixes lies along the way, and they are not so smooth that they may lag themselves."""
-    return is_slow_error_one_of_speed(report) and report.slow_error.sigma < MAX_SLOW_ERROR_TO_SCATTER * report.scatter
+    return (
+        is_slow_error_one_of_speed(report)
+        and report.slow_error.sigma < MAX_SLOW_ERROR_TO_SCATTER_RATIO_OF_BLAMELESS_FIXES * report.scatter
+    )
 
 
 def is_sigma_explained_by_scatter(kind: Kind, sigma: float, scatter: float) -> bool:
     """Whether the noise is clearly that of the source alone: half of what would be an error that lasts, or less."""
-    if kind not in MIN_LASTING_ERROR_BY_KIND:
+    if kind not in MIN_NOISE_COMPARED_WITH_SCATTER_BY_KIND:
         return True
     return not sigma > max(
-        MAX_NOISE_TO_SCATTER_RATIO_AFTER_LEAVING_OUT * scatter, 0.5 * MIN_LASTING_ERROR_BY_KIND[kind]
+        MAX_NOISE_TO_SCATTER_RATIO_WITH_ONE_SOURCE_LEFT_OUT * scatter,
+        0.5 * MIN_NOISE_COMPARED_WITH_SCATTER_BY_KIND[kind],
     )
 
 

@@ -26,7 +26,7 @@ MIN_TIME_WITHOUT_FIX_S = 5.0
 MIN_NIS_OF_FIX_BEHIND_GAP = 25.0
 """Least normalised innovation squared of the fix that ends a gap. Chosen: 5 sigmas, as two in 10^6 by chance; behind 20
 s without fixes it is at most 7.2 (the scenarios `city`, `city-coarse` and `phone`, and KITTI)."""
-MIN_DISTANCE_OF_FIX_BEHIND_GAP_M = 3.3
+MIN_DISTANCE_FROM_PREDICTION_OF_FIX_BEHIND_GAP_M = 3.3
 """Least distance, m: one sigma of the GPS Standard Positioning Service (2020; 8 m in 95 %), as for jumping fixes."""
 
 
@@ -47,7 +47,7 @@ def find_contradictions_of_fixes_behind_gaps(
     if behind is None:
         return []
     i, gap_s, time_s, found_nis, distance_m = behind
-    is_far = (found_nis > MIN_NIS_OF_FIX_BEHIND_GAP) & (distance_m > MIN_DISTANCE_OF_FIX_BEHIND_GAP_M)
+    is_far = (found_nis > MIN_NIS_OF_FIX_BEHIND_GAP) & (distance_m > MIN_DISTANCE_FROM_PREDICTION_OF_FIX_BEHIND_GAP_M)
     if not is_far.any():
         return []
     k = int(np.argmax(np.where(is_far, found_nis, 0.0)))
@@ -71,7 +71,7 @@ def add_jumps_hidden_by_gaps(
         return tuple(reports)
     i, gap_s, _, found_nis, distance_m = behind
     sigma_m = distance_m / np.sqrt(np.maximum(found_nis, 1e-9))
-    hidden_m = np.maximum(MIN_NIS_OF_FIX_BEHIND_GAP**0.5 * sigma_m, MIN_DISTANCE_OF_FIX_BEHIND_GAP_M)
+    hidden_m = np.maximum(MIN_NIS_OF_FIX_BEHIND_GAP**0.5 * sigma_m, MIN_DISTANCE_FROM_PREDICTION_OF_FIX_BEHIND_GAP_M)
     k = int(np.argmax(hidden_m))
     jump = float(gap_s[k]), float(hidden_m[k])
     return tuple(replace(r, gap_s_and_hidden_jump_m=jump) if j == i else r for j, r in enumerate(reports))

@@ -25,7 +25,7 @@ MIN_REPORTED_ANTENNA_DISTANCE_M = 1.0
 """Least distance that is told, m. Chosen: a car's width is 2 m, and two antennas on a roof are 1 m apart."""
 N_BLOCKS_ALL_SHOWING_TWO_PLACES = 10
 """Number of parts of the log that must all show it. Chosen by hand: chance does so in one log of a thousand."""
-MIN_DISTANCE_IN_SIGMAS = 6.0
+MIN_DISTANCE_OF_TWO_PLACES_SIGMAS = 6.0
 """Least distance in its sigmas. Chosen: chance makes it once in 10^8 logs."""
 MAX_SHARE_OF_VARIANCE_WITHIN_HEAPS = 0.2
 """Greatest share of the variance that is left within two heaps. Chosen by hand, not fitted: it is 0.36 of normal and
@@ -34,7 +34,7 @@ MIN_SHARE_OF_SMALLER_HEAP = 0.1
 """Least share of the smaller heap; of fewer ones the gate rejects most. Chosen by hand; not fitted."""
 MAX_DIFFERENCE_FROM_PATH_IN_MEDIANS = 6.0
 """Greatest difference from the way, in median ones, of a fix that is no outlier. Chosen by hand; not fitted."""
-MIN_COSINE_ALONG_PATH = 0.9
+MIN_COSINE_OF_PLACES_LYING_ALONG_PATH = 0.9
 """Cosine of the angle between the two heaps and the way from which they lie along it. Chosen by hand."""
 
 
@@ -85,7 +85,9 @@ def distance_of_every_second_fix_m(beside_m: EastNorthRows, heading_rad: FloatAr
         along_m = moved_m @ (mean_m / max(half_m, 1e-9))
         blocks = np.array_split(along_m, N_BLOCKS_ALL_SHOWING_TWO_PLACES)
         sigma_m = float(along_m.std()) / len(along_m) ** 0.5
-        is_clear = 2.0 * half_m > MIN_REPORTED_ANTENNA_DISTANCE_M and half_m > MIN_DISTANCE_IN_SIGMAS * sigma_m
+        is_clear = (
+            2.0 * half_m > MIN_REPORTED_ANTENNA_DISTANCE_M and half_m > MIN_DISTANCE_OF_TWO_PLACES_SIGMAS * sigma_m
+        )
         if is_clear and min(float(block.mean()) for block in blocks) > 0.0:
             most_m = max(most_m, 2.0 * half_m)
     return most_m
@@ -102,7 +104,10 @@ def distance_m_and_share_of_two_heaps(beside_m: EastNorthRows, heading_rad: Floa
     angle = 0.5 * math.atan2(2.0 * float(east_m @ north_m), float(east_m @ east_m - north_m @ north_m))
     along = np.array([math.cos(angle), math.sin(angle)])  # of the greatest scatter
     if (
-        np.mean(np.abs(np.column_stack([np.cos(heading_rad), np.sin(heading_rad)]) @ along) > MIN_COSINE_ALONG_PATH)
+        np.mean(
+            np.abs(np.column_stack([np.cos(heading_rad), np.sin(heading_rad)]) @ along)
+            > MIN_COSINE_OF_PLACES_LYING_ALONG_PATH
+        )
         > 0.9
     ):
         return none

@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.odd_sensors import (
-    MAX_REPEATED_ROW_SHARE_OF_OTHERS,
+    MAX_REPEATS_AMONG_OTHER_ROWS_SHARE,
     MIN_STUCK_DURATION_S,
     MIN_STUCK_ROWS,
     begin_and_end_of_true_stretches,
@@ -28,7 +28,7 @@ Chosen below the noise of every receiver."""
 MIN_DURATION_OF_RESTING_FIXES_S = 5.0
 """Least time, s, for which fixes with noise rest although the car moves on. Chosen: in less a fix rounded to 11 m,
 a ten thousandth of a degree, rests lawfully at walking speed."""
-ROWS_OF_RESTING_NOISE, RESTING_RADIUS_IN_SIGMAS, MIN_RESTING_RADIUS_M = 5, 4.0, 0.3
+N_LAST_RESTING_ROWS_THAT_GIVE_NOISE, RESTING_RADIUS_IN_SIGMAS, MIN_RESTING_RADIUS_M = 5, 4.0, 0.3
 """Last resting rows whose scatter tells the noise, and how far from the last one the others rest: so many sigmas, and
 at least so many metres. Chosen by hand; not fitted."""
 MOTION_CHECK_TIME_AROUND_REST_S = 1.0
@@ -37,7 +37,7 @@ MAX_TIME_STEP_OF_JUMP_TO_USUAL = 3.0
 """Longest step, in usual ones, in which the fixes jump to where the car is. Chosen by hand: behind a pause they may."""
 MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS = 5
 """Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
-MAX_SECOND_TO_FIRST_DIFFERENCE = 0.5
+MAX_NOISELESS_SECOND_TO_FIRST_DIFFERENCES_RATIO = 0.5
 """Greatest ratio of the summed absolute second differences of a signal without noise to its summed absolute first
 differences; white noise has sqrt(3) = 1.73. Chosen by hand; not fitted."""
 MAX_CHANGE_AFTER_REPETITION_TO_USUAL = 3.0
@@ -80,7 +80,7 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows, fixes: Fi
         return _saturated_gyroscope_mask(values) | _repeated_row_mask(time_s, values, lambda begin_s, end_s: True)
     if kind in (Kind.SPEED, Kind.VELOCITY):
         zero = (values == 0.0).all(axis=1)
-        if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATED_ROW_SHARE_OF_OTHERS:
+        if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATS_AMONG_OTHER_ROWS_SHARE:
             return stuck_row_mask(kind, time_s, values)
         frozen = np.zeros(len(time_s), np.bool_)
         for begin, end in begin_and_end_of_true_stretches(zero, MIN_STUCK_ROWS):
@@ -116,7 +116,7 @@ def _frozen_fix_while_moving_mask(time_s: FloatArray, fixes_m: EastNorthRows) ->
             is_held[begin + 1 : end + 1] = way_m > MIN_MOVING_SPEED_MPS * (time_s[end + 1] - time_s[begin])
     elsewhere = same[~is_held[1:]]
     # Of fixes that are repeated all the time `repeated_rows` knows more.
-    is_usual = len(elsewhere) > 0 and elsewhere.mean() >= MAX_REPEATED_ROW_SHARE_OF_OTHERS
+    is_usual = len(elsewhere) > 0 and elsewhere.mean() >= MAX_REPEATS_AMONG_OTHER_ROWS_SHARE
     return np.zeros(len(time_s), np.bool_) if is_usual else is_held
 
 
@@ -142,7 +142,7 @@ def _nearly_resting_fix_before_jump_mask(time_s: FloatArray, fixes_m: EastNorthR
         return way_m > MIN_MOVING_SPEED_MPS * abs(float(time_s[other] - time_s[row])) > 0.0
 
     for last in np.flatnonzero(is_jump).tolist():
-        noise_m = float(np.hypot(*fixes_m[max(last - ROWS_OF_RESTING_NOISE, 0) : last + 1].std(axis=0)))
+        noise_m = float(np.hypot(*fixes_m[max(last - N_LAST_RESTING_ROWS_THAT_GIVE_NOISE, 0) : last + 1].std(axis=0)))
         radius_m = max(RESTING_RADIUS_IN_SIGMAS * noise_m, MIN_RESTING_RADIUS_M)
         far_rows = np.flatnonzero(np.hypot(*(fixes_m[:last] - fixes_m[last]).T) > radius_m)
         begin = int(far_rows[-1]) + 1 if len(far_rows) else 0
@@ -176,7 +176,7 @@ def _repeated_row_mask(time_s: FloatArray, values: ValueRows, is_fault: Callable
             if is_fault(time_s[begin], time_s[end]):
                 frozen[begin + 1 : end + 1] = True
     elsewhere = same[~long[1:]]
-    is_usual = not len(elsewhere) or elsewhere.mean() >= MAX_REPEATED_ROW_SHARE_OF_OTHERS
+    is_usual = not len(elsewhere) or elsewhere.mean() >= MAX_REPEATS_AMONG_OTHER_ROWS_SHARE
     if is_usual or _continues_smoothly_after_repetitions(values, long):
         return np.zeros(len(time_s), np.bool_)
     return frozen
@@ -193,7 +193,9 @@ def _continues_smoothly_after_repetitions(values: ValueRows, is_long_repetition:
     usual = ~(is_long_repetition[1:] | is_long_repetition[:-1])
     both = usual[1:] & usual[:-1]
     most = change[usual].max(axis=0, initial=0.0)
-    is_smooth = (bend[both].sum(axis=0) <= MAX_SECOND_TO_FIRST_DIFFERENCE * change[usual].sum(axis=0)).all()
+    is_smooth = (
+        bend[both].sum(axis=0) <= MAX_NOISELESS_SECOND_TO_FIRST_DIFFERENCES_RATIO * change[usual].sum(axis=0)
+    ).all()
     after = change[is_long_repetition[:-1] & ~is_long_repetition[1:]]
     return bool(is_smooth and most.any() and (after <= MAX_CHANGE_AFTER_REPETITION_TO_USUAL * most).all())
 

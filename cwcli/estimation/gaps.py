@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import N_MOTION_STATES, FilterStart, SensorSeries
-from cwcli.estimation.start import MAX_GYROSCOPE_GAP_S, MIN_DISPLACEMENT_M, find_filter_start
+from cwcli.estimation.start import MAX_GYROSCOPE_GAP_S, MIN_DISPLACEMENT_SHOWING_HEADING_M, find_filter_start
 
 MAX_TIME_WITHOUT_HEADING_EVIDENCE_S = 5.0
 """Longest time, s, with neither a position nor a velocity nor a heading after which the filter goes on. After a longer
@@ -75,7 +75,7 @@ def _has_position_changed_between(series: Sequence[SensorSeries], begin_s: float
             last = max(int(np.searchsorted(time, begin_s, side="right")) - 1, 0)
             sigma = float(np.sqrt(max(median_of_finite_values(s.noise[:, 0]), median_of_finite_values(s.noise[:, 2]))))
             if float(np.hypot(*(s.values[first] - s.values[last]))) > max(
-                MIN_DISPLACEMENT_M, MIN_MOVEMENT_ACROSS_GAP_SIGMAS * sigma
+                MIN_DISPLACEMENT_SHOWING_HEADING_M, MIN_MOVEMENT_ACROSS_GAP_SIGMAS * sigma
             ):
                 return True
     return False

@@ -147,7 +147,7 @@ def find_imu_unit_sign_or_axis_fault(
         change[:, 3:], gyro_units, 3, [m.turn_rad for m in motions], MIN_TURN_SIGMA_RAD, is_angle=True
     )
     forward = _log_likelihood_gains_over_nominal_axis_and_unit(
-        change[:, :3], accel_units, 1, [m.speed_change_mps for m in motions], MIN_SPEED_CHANGE_SIGMA_MPS
+        change[:, :3], accel_units, 1, [m.speed_change_to_next_step_mps for m in motions], MIN_SPEED_CHANGE_SIGMA_MPS
     )
     step_s = float(edges_s[1] - edges_s[0])
     lateral = _log_likelihood_gains_over_nominal_axis_and_unit(

@@ -23,7 +23,7 @@ MIN_FIX_JUMP_M = 3.3
 """Least jump of fixes, m: one sigma of the GPS Standard Positioning Service (2020; 8 m in 95 %)."""
 MAX_CAR_ACCELERATION_MPS2 = 12.0
 """Greatest change of speed in a second that a car makes, m/s^2; tyres hold no more."""
-MIN_STRETCH_OF_JUMPED_FIXES_S, MIN_STRETCHES_THAT_ARE_FREQUENT = 2.0, 10
+MIN_STRETCH_OF_JUMPED_FIXES_S, MIN_JUMP_STRETCHES_TO_FIND_SHORTER_ONES_TOO = 2.0, 10
 """Least duration of a stretch that is found, s: after it the gate believes a source again; and number of stretches from
 which on shorter ones are found, too. Chosen by hand."""
 MAX_STAMP_ERROR_S = 4.0 * STAMP_SIGMA_RANGE.high
@@ -37,7 +37,7 @@ MIN_FAR_JUMP_M = 100.0
 MAX_RETURN_JUMP_DIFFERENCE_SHARE = 0.5
 """Greatest difference of the jumps there and back, as a share of the smaller one. Chosen by hand; the car goes on."""
 
-USUAL_SPEED_STEP_S, MIN_USUAL_SPEED_MPS = 1.0, 5.0
+MEASUREMENT_STEP_OF_USUAL_SPEED_S, MARGIN_ADDED_TO_TWICE_MEDIAN_SPEED_MPS = 1.0, 5.0
 """Time over which the usual speed is measured, s, and what is added to twice its median, m/s. Chosen by hand: in towns
 the greatest speed is not twice the median."""
 
@@ -81,7 +81,7 @@ def fixes_jumped_away_mask(time_s: FloatArray, values: EastNorthRows, scatter_m:
         for begin, end in found
         if np.hypot(*(values[begin] - values[max(begin - 1, 0)])) > MAX_STAMP_ERROR_S * bound.usual_speed_mps
     ]
-    often = far if len(far) >= MIN_STRETCHES_THAT_ARE_FREQUENT else []
+    often = far if len(far) >= MIN_JUMP_STRETCHES_TO_FIND_SHORTER_ONES_TOO else []
     for begin, end in found:
         if (begin, end) in often or time_s[end - 1] - time_s[begin] >= MIN_STRETCH_OF_JUMPED_FIXES_S:
             is_away[begin:end] = True
@@ -186,7 +186,9 @@ def _does_last_stretch_continue_first(
 
 
 def _max_distance_of_fixes(time_s: FloatArray, values: EastNorthRows, scatter_m: float) -> _MaxDistance:
-    lag = max(1, int(np.searchsorted(time_s, time_s[0] + USUAL_SPEED_STEP_S)))
+    lag = max(1, int(np.searchsorted(time_s, time_s[0] + MEASUREMENT_STEP_OF_USUAL_SPEED_S)))
     speeds_mps = np.hypot(*(values[lag:] - values[:-lag]).T) / np.maximum(time_s[lag:] - time_s[:-lag], 1e-3)
-    usual_mps = 2.0 * (median_of_finite_values(speeds_mps) if len(speeds_mps) else 0.0) + MIN_USUAL_SPEED_MPS
+    usual_mps = (
+        2.0 * (median_of_finite_values(speeds_mps) if len(speeds_mps) else 0.0) + MARGIN_ADDED_TO_TWICE_MEDIAN_SPEED_MPS
+    )
     return _MaxDistance(usual_mps, max(MIN_JUMP_IN_DIFFERENCE_SIGMAS * math.sqrt(2.0) * scatter_m, MIN_FIX_JUMP_M))

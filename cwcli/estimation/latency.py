@@ -9,7 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import LATENCY_RANGE
@@ -163,13 +163,13 @@ def _reference_source_and_kinds(series: Sequence[SensorSeries]) -> tuple[str, tu
     """Return source and kinds of the reference: the IMU, else the speed (with its yaw rate), else the position."""
     for s in series:
         if s.bias_state >= 0 and len(s):
-            return s.source, IMU_RATE_KINDS
+            return s.source, KINDS_THAT_IMU_MEASURES_TOO
     for s in series:
         if s.kind is Kind.SPEED and len(s):
-            return s.source, (Kind.SPEED, *IMU_RATE_KINDS)
+            return s.source, (Kind.SPEED, *KINDS_THAT_IMU_MEASURES_TOO)
     for s in series:
-        if s.kind in IMU_RATE_KINDS and len(s):
-            return s.source, IMU_RATE_KINDS
+        if s.kind in KINDS_THAT_IMU_MEASURES_TOO and len(s):
+            return s.source, KINDS_THAT_IMU_MEASURES_TOO
     for s in series:
         if s.kind is Kind.POSITION and len(s):
             return s.source, (Kind.POSITION,)

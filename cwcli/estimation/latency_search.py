@@ -32,14 +32,14 @@ from cwcli.estimation.latency import (
     remove_latency_drift,
 )
 from cwcli.estimation.latency_evidence import LatencyEvidence
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.passes import PassResult, SensorSeries
 from cwcli.estimation.prepare import average_rows_to_rate
 from cwcli.estimation.score import row_log_likelihoods
 from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.trial import (
-    CONVERGED_NOISE_FACTOR,
+    MAX_NOISE_FACTOR_AT_CONVERGENCE,
     MAX_NOISE_MATCHINGS,
     SEARCH_PROGRESS_UNIT_NAME,
     USUAL_PASSES_PER_SEARCH,
@@ -240,7 +240,7 @@ class _LatencySearch:
         for _ in range(MAX_NOISE_MATCHINGS):
             factor = noise_variance_factor(target, self._filter_target_with_references(target).nis[0])
             target = target.scale_noise_variance(factor)
-            if 1.0 / CONVERGED_NOISE_FACTOR < factor < CONVERGED_NOISE_FACTOR:
+            if 1.0 / MAX_NOISE_FACTOR_AT_CONVERGENCE < factor < MAX_NOISE_FACTOR_AT_CONVERGENCE:
                 break
         return target
 
@@ -435,4 +435,4 @@ def _begin_and_end_of_most_excited_window_s(
 def _cut_to_window_and_average_imu(s: SensorSeries, begin: float, end: float) -> SensorSeries:
     """Cut a series to a window, and average an IMU to about `IMU_AVERAGING_HZ`."""
     cut = cut_to_window(s, begin, end)
-    return average_rows_to_rate(cut, IMU_AVERAGING_HZ) if s.kind in IMU_RATE_KINDS else cut
+    return average_rows_to_rate(cut, IMU_AVERAGING_HZ) if s.kind in KINDS_THAT_IMU_MEASURES_TOO else cut

@@ -22,7 +22,7 @@ from cwcli.estimation.fix_scatter import (
 )
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
@@ -37,7 +37,7 @@ from cwcli.lazy_dataclass import replace
 MAX_UNDOUBTED_SLOW_ERROR_SIGMA_M = 2.5
 """Greatest sigma on each axis of a slow error of fixes that raises no doubt, m. The GPS Standard Positioning Service
 (2020) promises 8 m in 95 % as the global average, 3.3 m on each axis; receivers are usually better. Chosen by hand."""
-MAX_USUAL_GRADE_SIGMA_MPS2 = 0.6
+MAX_UNDOUBTED_ROAD_GRADE_ACCEL_SIGMA_MPS2 = 0.6
 """Greatest sigma of gravity through the grade of the road that raises no doubt, m/s^2: a grade that scatters by 6 %."""
 MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT = 10.0 * MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 """Least gain of log-likelihood of all other sources by which one is left out. Chosen: ten parameters, because all noise
@@ -66,9 +66,13 @@ def quantities_with_unusual_noise_or_error(reports: Sequence[SourceReport]) -> s
             or (
                 r.slow_error.status is ParameterStatus.USED
                 and r.slow_error.sigma
-                > (MAX_USUAL_GRADE_SIGMA_MPS2 if r.kind is Kind.ACCEL else MAX_UNDOUBTED_SLOW_ERROR_SIGMA_M)
+                > (
+                    MAX_UNDOUBTED_ROAD_GRADE_ACCEL_SIGMA_MPS2
+                    if r.kind is Kind.ACCEL
+                    else MAX_UNDOUBTED_SLOW_ERROR_SIGMA_M
+                )
             )
-            or (r.kind not in IMU_RATE_KINDS and r.n_gated > MAX_GATED_ROW_SHARE * (r.n_used + r.n_gated))
+            or (r.kind not in KINDS_THAT_IMU_MEASURES_TOO and r.n_gated > MAX_GATED_ROW_SHARE * (r.n_used + r.n_gated))
         )
     }
     return found | {each.who for each in find_values_beyond_sensor_limits(reports)}
@@ -80,7 +84,7 @@ def quantities_in_doubt(reports: Sequence[SourceReport]) -> set[SourceQuantity]:
         SourceQuantity(r.source, r.kind)
         for r in reports
         if r.n_used
-        and r.kind not in IMU_RATE_KINDS
+        and r.kind not in KINDS_THAT_IMU_MEASURES_TOO
         and (
             is_lasting_error_large(r)
             or may_speed_be_blamed_for_slow_error(r)
@@ -103,11 +107,15 @@ def quantity_groups_to_leave_out(
         if r.n_used and r.kind is not Kind.POSITION and r.source not in trusted
     ]
     rates = {
-        source: tuple(each for each in single if each.source == source and each.kind in IMU_RATE_KINDS)
+        source: tuple(each for each in single if each.source == source and each.kind in KINDS_THAT_IMU_MEASURES_TOO)
         for source in dict.fromkeys(each.source for each in single)
     }
     groups = [*((each,) for each in single), *(both for both in rates.values() if len(both) > 1)]
-    return [group for group in groups if group[0].kind in IMU_RATE_KINDS or can_third_source_judge(reports, group)]
+    return [
+        group
+        for group in groups
+        if group[0].kind in KINDS_THAT_IMU_MEASURES_TOO or can_third_source_judge(reports, group)
+    ]
 
 
 def can_third_source_judge(reports: Sequence[SourceReport], group: Collection[SourceQuantity]) -> bool:
@@ -226,7 +234,7 @@ def _log_likelihood_of_other_used_sources(
     return sum(
         r.log_likelihood
         for r in reports
-        if r.kind not in IMU_RATE_KINDS and SourceQuantity(r.source, r.kind) not in left_out and r.n_used
+        if r.kind not in KINDS_THAT_IMU_MEASURES_TOO and SourceQuantity(r.source, r.kind) not in left_out and r.n_used
     )
 
 

@@ -13,7 +13,7 @@ from cwcli.estimation.fix_scatter import (
     lasting_error_sigma,
 )
 from cwcli.estimation.latency import MS_PER_MINUTE_OF_UNIT_DRIFT, LatencyStatus
-from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, QUANTITY_BY_KIND, Kind
 from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.sensor_limits import (
@@ -58,7 +58,11 @@ def _contradictions_of_lasting_fix_errors(fixes: SourceReport, reports: Sequence
         return []
     who = SourceQuantity(fixes.source, fixes.kind)
     what = f"lie {fixes.sigma:.1f} m beside the motion for long, and scatter by only {fixes.scatter:.2f} m"
-    most = max((r for r in reports if r.kind in IMU_RATE_KINDS and r.n_used), key=_bias_to_limit_ratio, default=None)
+    most = max(
+        (r for r in reports if r.kind in KINDS_THAT_IMU_MEASURES_TOO and r.n_used),
+        key=_bias_to_limit_ratio,
+        default=None,
+    )
     if most is None or _bias_to_limit_ratio(most) < MIN_BLAMED_BIAS_SHARE_OF_LIMIT:
         return [Contradiction(who, reference_quantity_of_comparison(fixes, reports), f"its fixes {what}")]
     return [Contradiction(SourceQuantity(most.source, most.kind), who, f"with it the fixes {what}")]
@@ -82,7 +86,7 @@ def find_contradictions_of_changing_latencies(
             or LATENCY_CHANGE_PER_SECOND_RANGE.contains_or_is_nan(drift)
         ):
             continue
-        who = SourceQuantity(report.source, Kind.IMU if report.kind in IMU_RATE_KINDS else report.kind)
+        who = SourceQuantity(report.source, Kind.IMU if report.kind in KINDS_THAT_IMU_MEASURES_TOO else report.kind)
         what = (
             f"its latency changes by {MS_PER_MINUTE_OF_UNIT_DRIFT * drift:.0f} ms a minute, and a clock's by at most "
             f"{MS_PER_MINUTE_OF_UNIT_DRIFT * LATENCY_CHANGE_PER_SECOND_RANGE.high:.0f} ms: "
@@ -176,7 +180,7 @@ def reference_quantity_of_comparison(report: SourceReport, reports: Sequence[Sou
     """Return what a source was compared with: the position; for a position the best source of motion."""
     used = [r for r in reports if r.n_used and (r.source, r.kind) != (report.source, report.kind)]
     if report.kind is Kind.POSITION:
-        order: tuple[Kind, ...] = (Kind.SPEED, *IMU_RATE_KINDS, Kind.VELOCITY, Kind.HEADING, Kind.POSITION)
+        order: tuple[Kind, ...] = (Kind.SPEED, *KINDS_THAT_IMU_MEASURES_TOO, Kind.VELOCITY, Kind.HEADING, Kind.POSITION)
     else:
         order = (Kind.POSITION,)
     for kind in order:

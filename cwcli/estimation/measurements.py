@@ -63,7 +63,7 @@ QUANTITY_BY_KIND: dict[Kind, MeasuredQuantity] = {
     Kind.IMU: MeasuredQuantity(6, "", math.nan, math.nan),  # ACCEL and YAW_RATE are used instead
 }
 """Width, unit, default sigma and least sigma of each kind. Chosen for common automotive sensors; not fitted."""
-IMU_RATE_KINDS = (Kind.ACCEL, Kind.YAW_RATE)
+KINDS_THAT_IMU_MEASURES_TOO = (Kind.ACCEL, Kind.YAW_RATE)
 """Kinds that an IMU measures as well: they may come a hundred times a second, and with a bias."""
 
 

@@ -29,9 +29,9 @@ MOTION_SIGMA_LOG_STEP = np.log(2.0)
 """Step of the parabola over a sigma of the motion, natural logarithm: half, once and twice the value are tried."""
 N_INNOVATION_MATCHING_ROUNDS = 2
 """Number of rounds of innovation matching. Chosen by hand; not fitted."""
-CONVERGED_NOISE_FACTOR = 1.05
+MAX_NOISE_FACTOR_AT_CONVERGENCE = 1.05
 """The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
-FIRST_POSITION_LEAD_IN_S = 2.5
+LEAD_IN_BEFORE_FIRST_POSITION_S = 2.5
 """Time in s before the first position from which rows are used. Chosen as the longest latency of the search and a
 little more."""
 
@@ -97,7 +97,7 @@ def estimate_noise_and_manoeuvres(
         late = [s.scale_noise_variance(f) for s, f in zip(late, change, strict=True)]
         settled = [s.scale_noise_variance(f) for s, f in zip(settled, change, strict=True)]
         factors *= change
-        if max(np.abs(np.log(change))) < np.log(CONVERGED_NOISE_FACTOR):
+        if max(np.abs(np.log(change))) < np.log(MAX_NOISE_FACTOR_AT_CONVERGENCE):
             break
     for i, (s, factor) in enumerate(zip(settled, factors.tolist(), strict=True)):
         if factor != 1.0:
@@ -187,7 +187,7 @@ def _drop_rows_long_before_first_position(series: Sequence[SensorSeries]) -> lis
     """Leave out what lies long before the first position: a start that is badly known looks like noise."""
     firsts = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
     first = min(firsts, default=-np.inf)
-    return [s.select_rows(s.time_s - s.latency_s >= first - FIRST_POSITION_LEAD_IN_S) for s in series]
+    return [s.select_rows(s.time_s - s.latency_s >= first - LEAD_IN_BEFORE_FIRST_POSITION_S) for s in series]
 
 
 def _cut_to_busiest_window(series: Sequence[SensorSeries]) -> list[SensorSeries]:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.hypotheses.base import Hypothesis
-from cwcli.estimation.hypotheses.imu import IMU_HYPOTHESES, imu_tilt_hypothesis
+from cwcli.estimation.hypotheses.imu import IMU_UNIT_SIGN_AND_AXES_HYPOTHESES, imu_tilt_hypothesis
 from cwcli.estimation.imu import find_steady_turn_axis
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
@@ -21,7 +21,7 @@ MAX_GRAVITY_IN_ANY_UNIT = 1.2e3
 converter, such as 16384 for each g (InvenSense MPU-6050, range 2 g)."""
 MIN_VERTICAL_SPECIFIC_FORCE_SHARE = 0.8
 """Least share of the mean specific force along the vertical axis, so that it is gravity. Chosen by hand; not fitted."""
-MIN_UPRIGHT_SHARE, MAX_TILTED_SHARE = 0.6, 0.966
+MIN_GRAVITY_ON_Z_AXIS_OF_TILTED_IMU_SHARE, MAX_GRAVITY_ON_Z_AXIS_OF_TILTED_IMU_SHARE = 0.6, 0.966
 """Shares of gravity along the z axis of an IMU that is tilted and not turned onto another axis: 53 to 15 degrees. Less
 than 15 degrees change the forward acceleration by 4 %; chosen by hand."""
 MAX_PLAUSIBLE_YAW_RATE_RADPS = 3.0
@@ -34,7 +34,7 @@ N_FIRST_ROWS_COMPARED = 4
 """Number of first rows that are compared. Chosen by hand; not fitted."""
 MIN_STUCK_ROWS, MIN_STUCK_DURATION_S = 20, 2.0
 """Least number of repeated rows and least duration (s) of a stuck source. Chosen by hand; not fitted."""
-MAX_REPEATED_ROW_SHARE_OF_OTHERS = 0.1
+MAX_REPEATS_AMONG_OTHER_ROWS_SHARE = 0.1
 """Greatest share of repeats in the other rows: a coarse signal repeats more often. Chosen by hand; not fitted."""
 
 
@@ -83,17 +83,22 @@ def find_tilt_and_evidence(values: AccelGyroRows) -> tuple[Hypothesis, str] | No
     share = float(np.linalg.norm(force)) / STANDARD_GRAVITY_MPS2
     upright = float(force[2]) / max(share * STANDARD_GRAVITY_MPS2, 1e-9)
     is_gravity = MEAN_SPECIFIC_FORCE_RANGE_G[0] < share < MEAN_SPECIFIC_FORCE_RANGE_G[1]
-    if not is_gravity or not MIN_UPRIGHT_SHARE < upright < MAX_TILTED_SHARE:
+    if (
+        not is_gravity
+        or not MIN_GRAVITY_ON_Z_AXIS_OF_TILTED_IMU_SHARE < upright < MAX_GRAVITY_ON_Z_AXIS_OF_TILTED_IMU_SHARE
+    ):
         return None
     axis = find_steady_turn_axis(values[:, 3:])
-    if axis is not None and abs(axis[2]) >= MAX_TILTED_SHARE:  # the force leans in the bend, the IMU does not
+    if (
+        axis is not None and abs(axis[2]) >= MAX_GRAVITY_ON_Z_AXIS_OF_TILTED_IMU_SHARE
+    ):  # the force leans in the bend, the IMU does not
         return None
     across = float(np.hypot(*force[:2]))
     return imu_tilt_hypothesis(force), f"gravity reads {across:.1f} m/s^2 across its vertical axis"
 
 
 def _imu_hypothesis_by_name(name: str) -> Hypothesis:
-    return next(each for each in IMU_HYPOTHESES if each.name == name)
+    return next(each for each in IMU_UNIT_SIGN_AND_AXES_HYPOTHESES if each.name == name)
 
 
 def is_first_row_contradicted(kind: Kind, time_s: FloatArray, values: ValueRows) -> bool:
@@ -122,7 +127,7 @@ def stuck_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows) -> npt.NDA
         if time_s[end] - time_s[begin] >= MIN_STUCK_DURATION_S:
             stuck[begin + 1 : end + 1] = True
     elsewhere = same[~stuck[1:]]
-    return stuck if len(elsewhere) and elsewhere.mean() < MAX_REPEATED_ROW_SHARE_OF_OTHERS else np.zeros(n, np.bool_)
+    return stuck if len(elsewhere) and elsewhere.mean() < MAX_REPEATS_AMONG_OTHER_ROWS_SHARE else np.zeros(n, np.bool_)
 
 
 def begin_and_end_of_true_stretches(mask: BoolArray, min_rows: int) -> list[tuple[int, int]]:

@@ -23,7 +23,7 @@ NEVER_AVAILABLE_NS = np.iinfo(np.int64).max
 """Time of what is never available, ns."""
 ALWAYS_AVAILABLE_NS = np.iinfo(np.int64).min
 """Time of what is available from the beginning, ns."""
-PARAMETERS_FROM_LOG, PARAMETERS_FROM_MESSAGES = "this log", "messages and defaults"
+ORIGIN_NAME_OF_PARAMETERS_FROM_LOG, ORIGIN_NAME_OF_PARAMETERS_FROM_MESSAGES = "this log", "messages and defaults"
 """Names of the two origins of parameters other than a calibration, as the output shows them."""
 
 
@@ -31,7 +31,11 @@ def parameter_origin_text(config: EstimatorConfig) -> str:
     """Return where noise, latencies and sensor errors of the ego's online states come from, as text."""
     if config.calibration is not None:
         return f"calibration {config.calibration.name}"
-    return PARAMETERS_FROM_MESSAGES if config.takes_no_online_parameter_from_log else PARAMETERS_FROM_LOG
+    return (
+        ORIGIN_NAME_OF_PARAMETERS_FROM_MESSAGES
+        if config.takes_no_online_parameter_from_log
+        else ORIGIN_NAME_OF_PARAMETERS_FROM_LOG
+    )
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, QUANTITY_BY_KIND, Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter
 from cwcli.kernels import ekf
@@ -19,7 +19,7 @@ from cwcli.signals.columns import FloatArray
 
 N_MOTION_STATES = 8
 """Number of motion states; parameter states follow them."""
-MAX_TIME_BEFORE_FILTER_START_S = 1e-9
+MAX_TIME_OF_USED_ROW_BEFORE_FILTER_START_S = 1e-9
 """Time in s by which a row may be earlier than the start of the filter and is still used: rounding of stamps to
 floats."""
 MAX_PREDICTION_STEP_S = 0.1
@@ -202,7 +202,7 @@ def find_row_time_order(
         output_s: Shape (m,), increasing, seconds: times of the output states.
         reset_after: Rejections in a row after which a source is used again.
     """
-    in_time = [s.time_s - s.latency_s >= start_s - MAX_TIME_BEFORE_FILTER_START_S for s in series]
+    in_time = [s.time_s - s.latency_s >= start_s - MAX_TIME_OF_USED_ROW_BEFORE_FILTER_START_S for s in series]
     series = [s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
     patience = np.array([_permitted_consecutive_rejections(s, reset_after) for s in series], np.int32)
     return RowTimeOrder(in_time, *_merge_rows_and_outputs_into_steps(series, start_s, output_s), patience)
@@ -362,7 +362,7 @@ def _place_restarts_in_time_order(
 ) -> ekf.Restarts:
     """Place each restart before the first update that is not older; restarts after the last update are left out."""
     update_s = np.concatenate([np.maximum(s.time_s - s.latency_s, start_s) for s in series])[order_of.order]
-    update = np.searchsorted(update_s, [each.time_s - MAX_TIME_BEFORE_FILTER_START_S for each in restarts])
+    update = np.searchsorted(update_s, [each.time_s - MAX_TIME_OF_USED_ROW_BEFORE_FILTER_START_S for each in restarts])
     restarts = [each for each, u in zip(restarts, update, strict=True) if u < len(update_s)]
     step = np.searchsorted(order_of.first, update[: len(restarts)], side="right") - 1
     return ekf.Restarts(
@@ -396,7 +396,7 @@ def _permitted_consecutive_rejections(s: SensorSeries, reset_after: int) -> int:
     It is at most `reset_after`, and at most `MAX_REJECTION_TIME_OF_SLOW_SOURCE_S` of a slow source. Where the rate of
     the rows is unknown it is two, and the kernel's own limit in seconds applies.
     """
-    if s.kind in IMU_RATE_KINDS:
+    if s.kind in KINDS_THAT_IMU_MEASURES_TOO:
         return MAX_CONSECUTIVE_IMU_REJECTIONS
     interval_s = s.interval_s
     if not interval_s > 0.0:
@@ -435,7 +435,7 @@ def _shorten_long_pauses(time_s: FloatArray) -> FloatArray:
     Only differences matter. Times before a gap stay the same to the bit, so that the gap changes no earlier state.
     """
     step_s = np.diff(time_s)
-    is_long = step_s > MAX_PREDICTION_STEP_S + MAX_TIME_BEFORE_FILTER_START_S
+    is_long = step_s > MAX_PREDICTION_STEP_S + MAX_TIME_OF_USED_ROW_BEFORE_FILTER_START_S
     if not is_long.any():
         return np.ascontiguousarray(time_s)
     excess_s = np.where(is_long, step_s - MAX_PREDICTION_STEP_S, 0.0)

@@ -32,7 +32,7 @@ CHI_SQUARE_LEVEL_FOR_SPREAD = 0.95
 """Logs get a spread if their chi-square exceeds this quantile of its distribution.
 
 Chosen low, because Cochran's test has little power with few drives, and a false spread costs less than a missed one."""
-MAX_LATENCY_SIGMA_S = 0.05
+MAX_SIGMA_OF_OBSERVABLE_POOLED_LATENCY_S = 0.05
 """Greatest sigma of a pooled latency, s, that counts as observable; the same as in the search for latencies."""
 RELATIVE_SIGMA_OF_FITTED_CONSTANT = 0.1
 """Relative sigma of a fitted sigma of the motion and of a row interval. Chosen by hand; not fitted."""
@@ -210,7 +210,7 @@ def _pool_latencies(
                 if latency.status is not LatencyStatus.DRIFTS  # no constant of the car
             ]
         )
-        if constant.status is ConstantStatus.FOUND and constant.sigma > MAX_LATENCY_SIGMA_S:
+        if constant.status is ConstantStatus.FOUND and constant.sigma > MAX_SIGMA_OF_OBSERVABLE_POOLED_LATENCY_S:
             constant = replace(constant, status=ConstantStatus.NOT_OBSERVABLE, value=math.nan)
         is_reference = any(latency.status is LatencyStatus.REFERENCE for latency, _ in own)
         if is_reference:

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from cwcli.estimation.coarse_fixes import find_coarse_east_north_steps_m, note_on_coarse_fixes
 from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.imu import ImuMounting, LevelledImu, level_imu_by_gravity
-from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind, Measurements
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.odd_sensors import begin_and_end_of_true_stretches, is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
@@ -23,10 +23,10 @@ NO_KNOWN_MOUNTINGS: Mapping[str, ImuMounting] = {}
 """Empty mapping: no mounting is known."""
 MIN_ROWS_OF_CONSTANT_FIELD = 50
 """Least number of rows from which a rate that never changes counts as an unfilled field. Chosen by hand."""
-MIN_ROWS_OF_COPY, MIN_COPY_SHARE = 50, 0.9
+MIN_DIFFERENT_VALUES_OF_COPY, MIN_EQUAL_VALUES_OF_COPY_SHARE = 50, 0.9
 """Least number of different values, and least share of equal ones, of two sources of which one is a copy. Chosen by
 hand: noise never repeats so often."""
-MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
+MIN_BURST_GAPS, MAX_BURST_GAP_TO_USUAL_GAP_RATIO = 4, 0.5
 """Least number of short gaps in a burst, and the part of the usual gap below which one is short. Chosen by hand."""
 MIN_FITTED_IMU_NOISE_TO_ROUGHNESS = 0.5
 """Least noise that is fitted to an IMU, as a share of the noise that its second differences show. Chosen by hand; not
@@ -168,7 +168,7 @@ def prepare_without_looking_ahead(
         finite = np.flatnonzero(np.isfinite(m.values).all(axis=1))
         rows = finite[np.argsort(m.stamp_ns[finite], kind="stable")]
         n_left_out = len(m) - len(rows)
-        if m.kind in IMU_RATE_KINDS:
+        if m.kind in KINDS_THAT_IMU_MEASURES_TOO:
             changes = np.flatnonzero((m.values[rows] != m.values[rows[:1]]).any(axis=1))
             rows = rows[changes[0] :] if len(changes) else rows[:0]
         time = seconds_since_zero_time(m.stamp_ns[rows], zero_ns)
@@ -194,7 +194,7 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
     """Find rows of a burst: messages that a stalled link delivered all at once with late stamps.
 
     Only the last row of a burst is current; the others are older than their stamps, and the car seems too fast. A burst
-    is `MIN_BURST_GAPS` or more gaps in a row, shorter than `MAX_BURST_GAP_RATIO` of the median gap.
+    is `MIN_BURST_GAPS` or more gaps in a row, shorter than `MAX_BURST_GAP_TO_USUAL_GAP_RATIO` of the median gap.
 
     Returns:
         Shape (n,), True for rows of a burst except its last.
@@ -203,7 +203,7 @@ def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
     if len(time_s) < 10 * MIN_BURST_GAPS:
         return late
     gap = np.diff(time_s)
-    short = gap < MAX_BURST_GAP_RATIO * median_of_values(gap)
+    short = gap < MAX_BURST_GAP_TO_USUAL_GAP_RATIO * median_of_values(gap)
     for begin, end in begin_and_end_of_true_stretches(short, MIN_BURST_GAPS):
         late[begin:end] = True
     return late
@@ -237,11 +237,11 @@ def find_copied_source(m: Measurements, measurements: Sequence[Measurements]) ->
     for other in measurements:
         if other is m:
             break
-        if other.kind is m.kind and other.source != m.source and len(m) >= MIN_ROWS_OF_COPY:
+        if other.kind is m.kind and other.source != m.source and len(m) >= MIN_DIFFERENT_VALUES_OF_COPY:
             known = {row.tobytes() for row in other.values}
             if (
-                len(known) >= MIN_ROWS_OF_COPY
-                and np.mean([row.tobytes() in known for row in m.values]) > MIN_COPY_SHARE
+                len(known) >= MIN_DIFFERENT_VALUES_OF_COPY
+                and np.mean([row.tobytes() in known for row in m.values]) > MIN_EQUAL_VALUES_OF_COPY_SHARE
             ):
                 return other.source
     return ""
@@ -249,7 +249,7 @@ def find_copied_source(m: Measurements, measurements: Sequence[Measurements]) ->
 
 def _is_unfilled_rate_field(kind: Kind, values: ValueRows) -> bool:
     """Whether a yaw rate or acceleration has one value for the whole log: then its field is not filled."""
-    if kind not in IMU_RATE_KINDS or len(values) < MIN_ROWS_OF_CONSTANT_FIELD:
+    if kind not in KINDS_THAT_IMU_MEASURES_TOO or len(values) < MIN_ROWS_OF_CONSTANT_FIELD:
         return False
     return bool((values == values[0]).all())
 
@@ -288,7 +288,7 @@ def _build_series_with_noise(
     padded = np.zeros((n, 2))
     padded[:, :width] = values
     floor = QUANTITY_BY_KIND[kind].floor_sigma
-    if kind in IMU_RATE_KINDS:
+    if kind in KINDS_THAT_IMU_MEASURES_TOO:
         floor = max(floor, MIN_FITTED_IMU_NOISE_TO_ROUGHNESS * guess**0.5)
     interval_s = float("nan") if looks_ahead else float("inf")
     return SensorSeries(source, kind, time_s, padded, noise, noise_origin=origin, floor=floor, interval_s=interval_s)
@@ -309,7 +309,7 @@ def _accel_and_yaw_rate_series_with_notes(source: str, imu: LevelledImu) -> Iter
 
 def _stated_sigma_beyond_limit_mask(kind: Kind, variance: FloatArray) -> npt.NDArray[np.bool_]:
     """Whether a message states more noise of a rate than such a sensor has, as where the field is filled with ones."""
-    if kind not in IMU_RATE_KINDS:  # a fix may be that bad, and then its row counts little
+    if kind not in KINDS_THAT_IMU_MEASURES_TOO:  # a fix may be that bad, and then its row counts little
         return np.zeros(len(variance), np.bool_)
     return variance >= WHITE_NOISE_RANGE_BY_KIND[kind].high ** 2
 
@@ -326,7 +326,7 @@ def _note_on_sigma_beyond_limit(source: str, kind: Kind, variance: FloatArray) -
 def _initial_noise_sigma(kind: Kind, time_s: FloatArray, values: ValueRows) -> float:
     """Return a starting sigma: an IMU's from its second differences, which the motion hardly touches at its rate."""
     default = QUANTITY_BY_KIND[kind].default_sigma
-    if kind not in IMU_RATE_KINDS or len(time_s) < 200:
+    if kind not in KINDS_THAT_IMU_MEASURES_TOO or len(time_s) < 200:
         return default
     second = values[2:, 0] - 2.0 * values[1:-1, 0] + values[:-2, 0]
     rough = median_of_values(np.abs(second)) / 0.6745 / np.sqrt(6.0)
@@ -351,6 +351,6 @@ def average_row_blocks(series: SensorSeries, factor: int) -> SensorSeries:
 
 def average_rows_to_rate(series: SensorSeries, rate_hz: float) -> SensorSeries:
     """Average an inertial series or a speed down to about `rate_hz`; other series are returned unchanged."""
-    if series.kind not in (*IMU_RATE_KINDS, Kind.SPEED) or len(series) < 3:
+    if series.kind not in (*KINDS_THAT_IMU_MEASURES_TOO, Kind.SPEED) or len(series) < 3:
         return series
     return average_row_blocks(series, int(1.0 / (rate_hz * max(median_of_values(np.diff(series.time_s)), 1e-4)) + 0.25))

@@ -27,10 +27,14 @@ MIN_CHANGE_PER_ROW_IN_RESOLUTION_STEPS = 3.0
 """Least change per repeated row, in steps of the resolution, that shows a repetition. Chosen: rounding hides one."""
 MIN_RESOLUTION_SHARE_OF_LEAST_NOISE = 0.01
 """Change, as a share of a kind's least noise (`QUANTITY_BY_KIND`), below which it is rounding. Chosen by hand."""
-MIN_RESOLVED_CHANGES = 8
+MIN_SMALL_CHANGES_TO_READ_OFF_RESOLUTION = 8
 """Least number of small changes from which a resolution is read off. Chosen: eight changes without a resolution look
 like whole multiples of the least one in 1 of 15,000 cases."""
-TRIED_RESOLUTION_STEPS, RESOLUTION_TOLERANCE, MIN_SHARE_OF_VALUES_ON_RESOLUTION_STEPS = 10.5, 0.15, 0.9
+MAX_RESOLUTION_STEPS_OF_TESTED_CHANGE, RESOLUTION_TOLERANCE_IN_STEPS, MIN_SHARE_OF_VALUES_ON_RESOLUTION_STEPS = (
+    10.5,
+    0.15,
+    0.9,
+)
 """Changes up to so many steps are whole multiples of a resolution, within this tolerance in steps, in at least this
 share. Chosen: of changes without a resolution 30 % lie within the tolerance."""
 MAX_JUMP_AFTER_HOLD_TO_USUAL = 3.0
@@ -39,7 +43,7 @@ Chosen by hand; not fitted."""
 INTERPOLATION_TOLERANCE_IN_LEAST_NOISES = 0.24
 """Greatest distance of interpolated rows from their line, in least noises of the kind: 1.2 cm of a position, which is
 one step of a ten millionth of a degree."""
-MIN_BEND_IN_TOLERANCES = 3.0
+MIN_DEPARTURE_OF_SMOOTH_MOTION_FROM_LINE_IN_TOLERANCES = 3.0
 """Least distance from the line, in tolerances, by which a car that changes its motion smoothly would leave it. Chosen
 by hand."""
 MIN_KNOT_BEND_TO_MEDIAN = 5.0
@@ -162,13 +166,13 @@ def quantisation_step_or_zero_or_infinity(value_changes: FloatArray, floor: floa
     It is 0 where there is none, and infinite where too few changes are there to tell.
     """
     value_changes = value_changes[value_changes > floor]
-    if len(value_changes) < MIN_RESOLVED_CHANGES:
+    if len(value_changes) < MIN_SMALL_CHANGES_TO_READ_OFF_RESOLUTION:
         return float("inf")
     least = float(value_changes.min())
-    steps = value_changes[value_changes < TRIED_RESOLUTION_STEPS * least] / least
-    if len(steps) < MIN_RESOLVED_CHANGES:
+    steps = value_changes[value_changes < MAX_RESOLUTION_STEPS_OF_TESTED_CHANGE * least] / least
+    if len(steps) < MIN_SMALL_CHANGES_TO_READ_OFF_RESOLUTION:
         return 0.0
-    is_whole = np.abs(steps - np.rint(steps)) < RESOLUTION_TOLERANCE
+    is_whole = np.abs(steps - np.rint(steps)) < RESOLUTION_TOLERANCE_IN_STEPS
     return least if float(is_whole.mean()) >= MIN_SHARE_OF_VALUES_ON_RESOLUTION_STEPS else 0.0
 
 
@@ -208,7 +212,7 @@ def _interpolated_row_mask_and_period_s(
     turns = np.abs(np.diff(line_slope, axis=0)).max(axis=1) * np.minimum(duration_s[1:], duration_s[:-1]) / 8.0
     if (
         float(leaves.mean()) > 1.0 - MIN_SHARE_OF_STRAIGHT_LINES
-        or median_of_finite_values(turns) < MIN_BEND_IN_TOLERANCES * tolerance
+        or median_of_finite_values(turns) < MIN_DEPARTURE_OF_SMOOTH_MOTION_FROM_LINE_IN_TOLERANCES * tolerance
     ):
         return none
     # Where a car stands or drives on evenly a knot does not show: one row a period stays.

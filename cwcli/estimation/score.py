@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cwcli.estimation.measurements import IMU_RATE_KINDS
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO
 from cwcli.estimation.passes import PassResult, SensorSeries
 from cwcli.metrics.chi_square import nis_gate_limit
 from cwcli.signals.columns import FloatArray
@@ -26,7 +26,7 @@ def bounded_log_likelihood_without_inertial_sensors(series: Sequence[SensorSerie
         return -np.inf
     total = 0.0
     for s, nis in zip(series, result.nis, strict=True):
-        if s.kind not in IMU_RATE_KINDS and len(s):
+        if s.kind not in KINDS_THAT_IMU_MEASURES_TOO and len(s):
             total += float(np.nansum(row_log_likelihoods(s, nis)))
     return total
 

@@ -15,8 +15,8 @@ from dataclasses import field
 
 import numpy as np
 
-from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND, Kind
-from cwcli.estimation.noise import FIRST_POSITION_LEAD_IN_S, longest_driven_window_start_s
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, QUANTITY_BY_KIND, Kind
+from cwcli.estimation.noise import LEAD_IN_BEFORE_FIRST_POSITION_S, longest_driven_window_start_s
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import SensorSeries, run_filter_pass
@@ -35,7 +35,7 @@ from cwcli.estimation.sensor_model import (
 from cwcli.estimation.start import find_full_filter_start
 from cwcli.estimation.tolerances import MIN_LOG_SPAN_FOR_SLOW_ERRORS_S
 from cwcli.estimation.trial import (
-    CONVERGED_NOISE_FACTOR,
+    MAX_NOISE_FACTOR_AT_CONVERGENCE,
     MAX_NOISE_MATCHINGS,
     FilterTrials,
     cut_to_window,
@@ -61,9 +61,9 @@ SEARCH_POSITION_NOISE_M_PER_ROOT_S = 0.03
 """Position noise during the search, m per root s. Chosen below the filter's own: slow errors need a long memory."""
 MIN_TIME_CONSTANTS_IN_LOG = 5.0
 """Least number of time constants in a log. Chosen by hand; not fitted."""
-CLIMB_FACTORS_ON_VARIANCE_AND_TIME_CONSTANT = ((3.0, 1.0), (3.0**0.5, 1.0), (3.0, 3.0), (3.0**0.5, 1.0))
+SEARCH_STEP_FACTORS_ON_VARIANCE_AND_TIME_CONSTANT = ((3.0, 1.0), (3.0**0.5, 1.0), (3.0, 3.0), (3.0**0.5, 1.0))
 """Step factors of the climb, on sigma^2 and on the time constant. Chosen by hand; not fitted."""
-AVERAGED_TIME_CONSTANT_FACTORS = (1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0)
+TIME_CONSTANT_FACTORS_TO_AVERAGE_SLOW_ERROR_OVER = (1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0)
 """Factors on the time constant over which a slow error is averaged. Chosen by hand; not fitted."""
 MIN_HEADING_RANGE_FOR_LEVER_ARM_RAD = 0.5
 """Least range of the heading from which a lever arm is searched, rad. Chosen: without a turn nothing shows one."""
@@ -71,7 +71,7 @@ FIX_INTERVAL_FOR_SPEED_S = 2.0
 """Time between two fixes from which a speed is taken, s. Chosen so that their distance exceeds the noise."""
 MIN_LEVER_ARM_AHEAD_SIGMAS = 3.0
 """Least lever arm ahead in sigmas, including those of the latency. Chosen as for other significance tests."""
-MAX_CLIMB_TRIALS = 9
+MAX_TRIALS_PER_SLOW_ERROR_SEARCH = 9
 """Greatest number of trials in the climb of one slow error. Chosen for speed; not fitted."""
 MAX_OBSERVED_SIGMA_TO_PRIOR = 0.5
 """Greatest sigma of an observable parameter, as a share of its prior's. Chosen by hand; not fitted."""
@@ -260,7 +260,9 @@ class _SensorModelTrials:
         result = self._trials.run_filter(self.base)
         # A spike of an inertial sensor spoils a row or two; a manoeuvre that looks like one must stay.
         trials = [
-            replace(s.select_rows((status >= UpdateStatus.USED) | (s.kind in IMU_RATE_KINDS)), gate_nis=0.0)
+            replace(
+                s.select_rows((status >= UpdateStatus.USED) | (s.kind in KINDS_THAT_IMU_MEASURES_TOO)), gate_nis=0.0
+            )
             for s, status in zip(cut, result.status, strict=True)
         ]
         self.base = replace(self.base, series=trials)
@@ -284,7 +286,7 @@ class _SensorModelTrials:
             scaled = [s.scale_noise_variance(float(f)) for s, f in zip(series, factors, strict=True)]
             result = self._trials.run_filter(replace(layout, series=scaled))
             change = np.array([noise_variance_factor(s, nis) for s, nis in zip(scaled, result.nis, strict=True)])
-            if (np.abs(np.log(change)) < np.log(CONVERGED_NOISE_FACTOR)).all():
+            if (np.abs(np.log(change)) < np.log(MAX_NOISE_FACTOR_AT_CONVERGENCE)).all():
                 break
             factors *= change
         score = bounded_log_likelihood_without_inertial_sensors(scaled, result)
@@ -298,8 +300,8 @@ class _SensorModelTrials:
         up for by a time constant that is too short. Along it the likelihood is flat, so its mean is taken, not its top,
         which would as often be far too sure as too careful.
         """
-        left = MAX_CLIMB_TRIALS
-        for more, longer in CLIMB_FACTORS_ON_VARIANCE_AND_TIME_CONSTANT:
+        left = MAX_TRIALS_PER_SLOW_ERROR_SEARCH
+        for more, longer in SEARCH_STEP_FACTORS_ON_VARIANCE_AND_TIME_CONSTANT:
             for wider, long in ((more**-0.5, 1.0 / longer), (more**0.5, longer)):
                 while (slow := self._scaled_slow_error_or_none(i, trial.model.slow[i], wider, long)) and left > 0:
                     left -= 1
@@ -313,7 +315,8 @@ class _SensorModelTrials:
         """Average sigma^2, weighted by likelihood, along constant sigma^2 / time constant."""
         top = trial.model.slow[i]
         slows = [
-            self._scaled_slow_error_or_none(i, top, factor**0.5, factor) for factor in AVERAGED_TIME_CONSTANT_FACTORS
+            self._scaled_slow_error_or_none(i, top, factor**0.5, factor)
+            for factor in TIME_CONSTANT_FACTORS_TO_AVERAGE_SLOW_ERROR_OVER
         ]
         known = [top, *(slow for slow in slows if slow is not None)]
         models = [replace(trial.model, slow={**trial.model.slow, i: slow}) for slow in known]
@@ -461,7 +464,7 @@ def series_whose_forward_arm_may_be_latency(
 def _begin_and_end_of_searched_span_s(series: Sequence[SensorSeries]) -> tuple[float, float]:
     """Return the searched span, s: from the first position; at most `MAX_SEARCHED_LOG_SPAN_S` with the longest path."""
     positions = [s for s in series if s.kind is Kind.POSITION and len(s)]
-    begin = min((float(s.time_s[0] - s.latency_s) for s in positions), default=0.0) - FIRST_POSITION_LEAD_IN_S
+    begin = min((float(s.time_s[0] - s.latency_s) for s in positions), default=0.0) - LEAD_IN_BEFORE_FIRST_POSITION_S
     end = max((float(s.time_s[-1] - s.latency_s) for s in series if len(s)), default=0.0)
     if end - begin <= MAX_SEARCHED_LOG_SPAN_S:
         return begin, end

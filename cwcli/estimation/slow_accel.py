@@ -26,7 +26,7 @@ MAX_TIME_CONSTANT_OF_HIGH_PASS_S = 30.0
 """Greatest time constant that is told from slopes, s: hills of a few hundred metres last as long. Chosen by hand."""
 MAX_SLOW_PART_RESIDUAL_IN_SCATTERS = 4.0
 """Greatest residual, in scatters, that the second pass uses; jumps of fixes lie beyond. Chosen by hand."""
-MIN_SHARE_OF_POWER_WITHOUT_LINE = 1e-12
+MIN_SUM_OF_SQUARES_LEFT_BY_LINE_SHARE = 1e-12
 """Least share of the integral's sum of squares that a line leaves; below it is rounding. Chosen by hand."""
 
 
@@ -37,7 +37,7 @@ def high_pass_time_constant_of_accelerometer_s(accel: StepMotion, fixes: StepMot
         accel, fixes: Motion by the accelerometer and the fixes in the same steps.
         step_s: Length of the steps.
     """
-    own, true = accel.speed_change_mps, fixes.speed_change_mps
+    own, true = accel.speed_change_to_next_step_mps, fixes.speed_change_to_next_step_mps
     rows = np.isfinite(own) & np.isfinite(true)
     integral = np.concatenate(([0.0], np.cumsum(np.where(np.isfinite(own), own, 0.0))))
     way = 0.5 * step_s * (integral[1:] + integral[:-1])
@@ -48,7 +48,7 @@ def high_pass_time_constant_of_accelerometer_s(accel: StepMotion, fixes: StepMot
             return math.nan
         free_way, missing = (_subtract_fitted_line(values[steps], steps) for values in (way, true - own))
         power = float(free_way @ free_way)
-        if not power > MIN_SHARE_OF_POWER_WITHOUT_LINE * float(way[steps] @ way[steps]):
+        if not power > MIN_SUM_OF_SQUARES_LEFT_BY_LINE_SHARE * float(way[steps] @ way[steps]):
             return math.nan
         slope = float(free_way @ missing) / power
         rest = missing - slope * free_way

@@ -64,7 +64,7 @@ AGREEING_SPEED_CHANGE_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "an accelerometer's scale errs by 3 %; the rest is room for slopes, latencies and the noise of fixes"
 )
 """Range of the ratio of two changes of speed that agree; the value itself names its source."""
-AGREEING_HEADING_DIFFERENCE_RANGE = ParameterRange(
+AGREEING_HEADING_DIFFERENCE_RANGE_RAD = ParameterRange(
     -math.pi / 6.0, math.pi / 6.0, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"
 )
 """Range in rad of the difference of two headings or courses that agree; the value itself names its source."""
@@ -419,7 +419,7 @@ def _judge_median_course_difference(one: StepMotion, other: StepMotion, step_s: 
             nearest_difference + interval.high,
             interval.n,
         ),
-        AGREEING_HEADING_DIFFERENCE_RANGE,
+        AGREEING_HEADING_DIFFERENCE_RANGE_RAD,
     )
 
 
@@ -429,7 +429,7 @@ def _speed_changes_of_both_minus_medians(one: StepMotion, other: StepMotion) -> 
     The median of an accelerometer's changes is its bias and that of the car. So it is subtracted from both: a car that
     accelerates evenly all the time shows nothing.
     """
-    changes = one.speed_change_mps, other.speed_change_mps
+    changes = one.speed_change_to_next_step_mps, other.speed_change_to_next_step_mps
     known = np.isfinite(changes[0]) & np.isfinite(changes[1])
     if not known.any():
         return changes
@@ -453,7 +453,7 @@ def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) ->
 def _compare_accelerations(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     if (one.kind is Kind.ACCEL) == (other.kind is Kind.ACCEL):
         return UNKNOWN_STEP_COMPARISON
-    difference = one.speed_change_mps - other.speed_change_mps
+    difference = one.speed_change_to_next_step_mps - other.speed_change_to_next_step_mps
     return StepComparison.from_median_interval(
         MedianInterval.from_values(difference[np.isfinite(difference)] / step_s), ACCEL_BIAS_RANGE
     )

@@ -31,12 +31,13 @@ MIN_ROWS_BESIDE_CLOCK_STEP, MIN_TIME_BESIDE_CLOCK_STEP_S = 10, 3.0
 """Least number of rows and least time (s) on either side of a step for which a delay has to last. Chosen: a recorder
 that stalls catches up sooner."""
 MAX_TRANSMISSION_DELAY_S = 30.0
-"""Longest delay of a transmission, s; a longer one is another clock. Chosen as `signals.clocks.MAX_CLOCK_STEP_S`."""
+"""Longest delay of a transmission, s; a longer one is another clock. Chosen as
+`signals.clocks.MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S`."""
 EARLIEST_LOG_TIME_NS = int(np.iinfo(np.int64).min)
 """Log time in ns that is earlier than all others: the least int64."""
 MIN_LOG_LIKELIHOOD_GAIN_OF_SHIFT = 25.0
 """Least gain of log-likelihood of a motion with a clock that is behind. Chosen: seven sigma, because errors last."""
-MIN_EQUAL_STAMP_SHARE = 0.5
+MIN_REPEATED_STAMPS_OF_COARSE_STAMPING_SHARE = 0.5
 """Least share of messages with the stamp of the message before them that shows stamps cut to a coarse unit. Chosen: of
 two messages a second stamped in whole seconds half have it."""
 MAX_CLOCK_RATE_RATIO = 1.01
@@ -196,7 +197,10 @@ def _replace_coarse_stamps_and_note(
             order = np.argsort(m.received_ns, kind="stable")
             log_ns, stamp_ns = m.received_ns[order], m.stamp_ns[order]
             is_equal = np.diff(stamp_ns) == 0
-            is_coarse = is_equal.mean() >= MIN_EQUAL_STAMP_SHARE and (np.diff(log_ns)[is_equal] > 0).mean() > 0.9
+            is_coarse = (
+                is_equal.mean() >= MIN_REPEATED_STAMPS_OF_COARSE_STAMPING_SHARE
+                and (np.diff(log_ns)[is_equal] > 0).mean() > 0.9
+            )
             if is_coarse and len(sort_distinct_values(stamp_ns)) > MIN_ROWS_BESIDE_CLOCK_STEP:
                 step_s = median_of_finite_values(np.diff(sort_distinct_values(stamp_ns))) / NS_PER_S
                 least_ns = int((log_ns - stamp_ns).min())
@@ -231,7 +235,7 @@ def _spread_rows_of_equal_stamp_and_step_s(m: Measurements) -> tuple[Measurement
     is_equal = np.diff(m.stamp_ns) == 0
     is_new = (np.diff(m.values, axis=0) != 0.0).any(axis=1)
     step_ns = int(np.min(np.diff(stamp_ns)))
-    if (is_equal & is_new).mean() < MIN_EQUAL_STAMP_SHARE or (stamp_ns % step_ns).any():
+    if (is_equal & is_new).mean() < MIN_REPEATED_STAMPS_OF_COARSE_STAMPING_SHARE or (stamp_ns % step_ns).any():
         return None
     usual = int(median_of_values(size))
     n_rows = size.copy()
@@ -250,7 +254,7 @@ def _move_rows_of_equal_stamp_into_pauses_and_count(m: Measurements) -> tuple[Me
     there are hardly any, or stamps are not in order.
     """
     stamp_ns, first, size = np.unique(m.stamp_ns, return_index=True, return_counts=True)
-    if len(stamp_ns) < len(m) * MIN_EQUAL_STAMP_SHARE or not (np.diff(m.stamp_ns) >= 0).all():
+    if len(stamp_ns) < len(m) * MIN_REPEATED_STAMPS_OF_COARSE_STAMPING_SHARE or not (np.diff(m.stamp_ns) >= 0).all():
         return None
     gap_ns = np.diff(stamp_ns)
     usual_ns = median_of_finite_values(gap_ns.astype(np.float64))

@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.imu_hypotheses import find_imu_unit_sign_or_axis_fault
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind, Measurements
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
@@ -76,14 +76,14 @@ def correct_one_contradicted_source(
         m for m in imus if any(who.source == m and _is_imu_quantity(who) for who in suspects)
     )
     tilted = {each.who.source for each in find_tilted_imus(prepared)}
-    level = [s for s in usable if not (s.kind in IMU_RATE_KINDS and s.source in tilted)]
+    level = [s for s in usable if not (s.kind in KINDS_THAT_IMU_MEASURES_TOO and s.source in tilted)]
     if not any(s.kind is Kind.POSITION for s in level):
         return None
     findings = [
         found
         for i, s in enumerate(level)
         if SourceQuantity(s.source, s.kind) in suspects
-        and not (s.kind in IMU_RATE_KINDS and s.source in imus)
+        and not (s.kind in KINDS_THAT_IMU_MEASURES_TOO and s.source in imus)
         and (found := find_fault(level, i)) is not None
     ]
     attempts = [
@@ -106,7 +106,7 @@ def correct_one_contradicted_source(
             rivals = (
                 found.gain
                 for i, s in enumerate(level)
-                if s.kind not in (Kind.POSITION, *IMU_RATE_KINDS)
+                if s.kind not in (Kind.POSITION, *KINDS_THAT_IMU_MEASURES_TOO)
                 and _do_sources_contradict_each_other(contrary, who, SourceQuantity(s.source, s.kind))
                 and (found := find_fault(level, i, may_be_ambiguous=True)) is not None
             )
@@ -116,7 +116,7 @@ def correct_one_contradicted_source(
 
 
 def _is_imu_quantity(quantity: SourceQuantity) -> bool:
-    return quantity.kind in (*IMU_RATE_KINDS, Kind.IMU)
+    return quantity.kind in (*KINDS_THAT_IMU_MEASURES_TOO, Kind.IMU)
 
 
 def _do_sources_contradict_each_other(
@@ -170,7 +170,7 @@ def gain_and_attempt_of_imu_correction(
     if any(each.who.source == imu.source for each in find_tilted_imus(prepared)):
         return None
     comparisons = compare_prepared_sources(prepared)
-    accel, yaw_rate = (SourceQuantity(imu.source, kind) for kind in IMU_RATE_KINDS)
+    accel, yaw_rate = (SourceQuantity(imu.source, kind) for kind in KINDS_THAT_IMU_MEASURES_TOO)
     by_turns = sources_agreeing_after_correction(comparisons, yaw_rate, MAX_IMU_RATIO_ERROR)
     by_speed = sources_agreeing_after_correction(comparisons, accel, MAX_IMU_RATIO_ERROR)
     is_contrary = any(c.judgement is Judgement.CONTRADICT and c.involves_source(yaw_rate) for c in comparisons)

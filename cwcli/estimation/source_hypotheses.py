@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import SourceQuantity
-from cwcli.estimation.hypotheses import HYPOTHESES
+from cwcli.estimation.hypotheses import UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND
 from cwcli.estimation.hypotheses.base import Hypothesis, with_pairwise_combinations
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.passes import SensorSeries
@@ -43,7 +43,7 @@ LOG_LIKELIHOOD_COST_OF_SECOND_FAULT = 3.0
 MAX_DISTANCE_RATIO_ERROR = 0.05
 """Greatest relative difference from 1 of the ratio of ways after a correction: worn tyres and noise; the steps from
 feet/s to km/h and from knots to miles/h are twice as large. Chosen by hand; not fitted."""
-MAX_RATE_RATIO_ERROR = 0.15
+MAX_TURN_OR_SPEED_CHANGE_RATIO_ERROR = 0.15
 """Greatest relative difference from 1 of the ratio of turns, or of changes of speed, after a correction. Chosen by
 hand: latencies and slopes change it."""
 EVIDENCE_STEP_S = 2.0
@@ -106,7 +106,7 @@ def find_fault(series: Sequence[SensorSeries], suspect_index: int, *, may_be_amb
     """
     own = series[suspect_index]
     who = SourceQuantity(own.source, own.kind)
-    hypotheses = with_pairwise_combinations(HYPOTHESES.get(own.kind, ()))
+    hypotheses = with_pairwise_combinations(UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND.get(own.kind, ()))
     if not hypotheses:
         return None
     motions, edges_s = step_motions_and_edges_for_evidence(series)
@@ -136,7 +136,9 @@ def find_fault(series: Sequence[SensorSeries], suspect_index: int, *, may_be_amb
 
 
 def sources_agreeing_after_correction(
-    comparisons: Sequence[SourceComparison], who: SourceQuantity, max_rate_error: float = MAX_RATE_RATIO_ERROR
+    comparisons: Sequence[SourceComparison],
+    who: SourceQuantity,
+    max_rate_error: float = MAX_TURN_OR_SPEED_CHANGE_RATIO_ERROR,
 ) -> tuple[SourceQuantity, ...]:
     """Return the sources that agree with a corrected source; () if one still contradicts it or its ratio is off.
 

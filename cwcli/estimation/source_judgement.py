@@ -15,7 +15,7 @@ from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.distance_ratio import correct_and_list_scaled_speeds
-from cwcli.estimation.hypotheses import HYPOTHESES
+from cwcli.estimation.hypotheses import UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND
 from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
 from cwcli.estimation.imu_yaw import find_imu_yaw_hypothesis_and_evidence
 from cwcli.estimation.measurements import Kind, Measurements
@@ -39,7 +39,7 @@ from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
 from cwcli.lazy_dataclass import dataclass, replace
 
 SourceUnits = Mapping[str, str]
-"""Source -> name of a hypothesis that the user says, see `HYPOTHESES`."""
+"""Source -> name of a hypothesis that the user says, see `UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND`."""
 MAX_CORRECTED_SOURCES = 6
 """Greatest number of sources that are corrected one after the other. Chosen by hand."""
 
@@ -147,7 +147,11 @@ def correct_and_list_user_faults(
     used = set()
     for m in measurements:
         name = units.get(m.source)
-        hypothesis = None if name is None else compose_hypothesis_by_name(m.kind, HYPOTHESES.get(m.kind, ()), name)
+        hypothesis = (
+            None
+            if name is None
+            else compose_hypothesis_by_name(m.kind, UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND.get(m.kind, ()), name)
+        )
         if hypothesis is not None:
             used.add(m.source)
             corrections.append(correction_of_all_rows(m, hypothesis, ""))
@@ -155,7 +159,7 @@ def correct_and_list_user_faults(
     for source, name in units.items():
         kinds = [m.kind for m in measurements if m.source == source]
         if source not in used and kinds:
-            names = [each.name for kind in kinds for each in HYPOTHESES.get(kind, ())]
+            names = [each.name for kind in kinds for each in UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND.get(kind, ())]
             is_twice = "+" in name and all(part in names for part in name.split("+"))
             hint = (
                 "name only one unit, one sign and one choice of axes"

@@ -13,7 +13,7 @@ import numpy as np
 
 from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, GRAVITY_TEXT, Contradiction, SourceQuantity
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.odd_sensors import MAX_GRAVITY_IN_ANY_UNIT
 from cwcli.estimation.passes import SensorSeries
@@ -66,7 +66,12 @@ def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries], trusted: Coll
     tilted = [each.with_left_out() if each.who.source in trusted else each for each in find_tilted_imus(prepared)]
     compared = compare_prepared_sources(prepared, trusted)
     voted = find_contradicting_sources(compared, trusted)
-    out = {SourceQuantity(each.who.source, kind) for each in tilted if each.left_out for kind in IMU_RATE_KINDS}
+    out = {
+        SourceQuantity(each.who.source, kind)
+        for each in tilted
+        if each.left_out
+        for kind in KINDS_THAT_IMU_MEASURES_TOO
+    }
     out |= {quantity for each in voted for quantity in each.left_out}
     remaining = [replace(p, series=emptied_series(p.series)) if quantity_of_series(p) in out else p for p in prepared]
     return SourceVoteResult(remaining, (*find_impossible_fixes(prepared), *tilted, *voted), tuple(compared))
@@ -77,7 +82,7 @@ def compare_prepared_sources(
 ) -> list[SourceComparison]:
     """Compare all pairs of sources but those of IMUs that are not level; for the arguments see above."""
     tilted = [each for each in find_tilted_imus(prepared) if each.who.source not in trusted]
-    out = {SourceQuantity(each.who.source, kind) for each in tilted for kind in IMU_RATE_KINDS}
+    out = {SourceQuantity(each.who.source, kind) for each in tilted for kind in KINDS_THAT_IMU_MEASURES_TOO}
     upright = [p for p in prepared if quantity_of_series(p) not in out]
     compared = compare_all_source_pairs([p.series for p in upright])
     # Where gravity shows how the IMU is mounted, a bias is mostly gravity, and no fault.

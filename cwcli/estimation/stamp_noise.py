@@ -42,7 +42,7 @@ GRID_STEPS_PER_OCTAVE = 4
 """Number of grid steps in a factor of two, for all sigmas of the grid. Chosen by hand."""
 MIN_STAMP_SIGMA_STEP, MAX_STAMP_SIGMA_STEP = -2 * GRID_STEPS_PER_OCTAVE, 7 * GRID_STEPS_PER_OCTAVE
 """Least and greatest grid step of the stamp error: 1.3 ms and 0.64 s."""
-CLIMB_STRIDES_IN_GRID_STEPS = (GRID_STEPS_PER_OCTAVE, GRID_STEPS_PER_OCTAVE // 2)
+SEARCH_STRIDES_IN_GRID_STEPS = (GRID_STEPS_PER_OCTAVE, GRID_STEPS_PER_OCTAVE // 2)
 """Strides of the climb in grid steps: octaves, then half octaves."""
 MAX_FILTER_PASSES_PER_SEARCH = 150
 """Greatest number of filter passes of one search. Chosen to bound the time; not fitted."""
@@ -132,7 +132,7 @@ class _StampErrorSearch:
 
     def search_best_fit(self) -> NoiseFit:
         """Return the fit with the stamp error and its noise and motion; the given fit if the log shows none."""
-        plain = self._climb_to_best_point((None, 0, 0, 0), (1, 2, 3), CLIMB_STRIDES_IN_GRID_STEPS[:1])
+        plain = self._climb_to_best_point((None, 0, 0, 0), (1, 2, 3), SEARCH_STRIDES_IN_GRID_STEPS[:1])
         if not any(
             self._log_likelihood_at((step, *plain[1:])) > self._log_likelihood_at(plain)
             for step in FIRST_TRIED_GRID_STEPS
@@ -154,7 +154,7 @@ class _StampErrorSearch:
 
         The curvature gives the sigma of the stamp error; white noise and motion are optimised at each of the three.
         """
-        stride = CLIMB_STRIDES_IN_GRID_STEPS[-1]
+        stride = SEARCH_STRIDES_IN_GRID_STEPS[-1]
         while True:
             assert best[0] is not None
             at: list[TrialGridSteps] = [(best[0] - stride, *best[1:]), (best[0] + stride, *best[1:])]
@@ -199,7 +199,7 @@ class _StampErrorSearch:
         return self._noise_fit_at(best, error, white)
 
     def _climb_to_best_point(
-        self, point: TrialGridSteps, axes: Sequence[int], strides: Sequence[int] = CLIMB_STRIDES_IN_GRID_STEPS
+        self, point: TrialGridSteps, axes: Sequence[int], strides: Sequence[int] = SEARCH_STRIDES_IN_GRID_STEPS
     ) -> TrialGridSteps:
         """Climb along the axes, one after the other, to the likeliest point."""
         for stride in strides:

@@ -8,15 +8,20 @@ from typing import NamedTuple
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.passes import MAX_TIME_BEFORE_FILTER_START_S, N_MOTION_STATES, FilterStart, SensorSeries
+from cwcli.estimation.passes import (
+    MAX_TIME_OF_USED_ROW_BEFORE_FILTER_START_S,
+    N_MOTION_STATES,
+    FilterStart,
+    SensorSeries,
+)
 from cwcli.lazy_dataclass import replace
 from cwcli.signals.columns import FloatArray
 
-MIN_DISPLACEMENT_M = 2.0
+MIN_DISPLACEMENT_SHOWING_HEADING_M = 2.0
 """Least displacement that shows a heading, m. Chosen by hand; not fitted."""
-MIN_DISPLACEMENT_DURATION_S = 0.5
+MIN_DISPLACEMENT_DURATION_GIVING_SPEED_S = 0.5
 """Least time over which a displacement gives a speed, s. Chosen so that a burst of rows gives none."""
-MIN_DISPLACEMENT_SIGMAS = 10.0
+MIN_DISPLACEMENT_SHOWING_HEADING_SIGMAS = 10.0
 """Least displacement that shows a heading, in sigmas of the position.
 
 Chosen: the heading is then good to about 0.15 rad, which the filter's linearisation bears."""
@@ -140,7 +145,7 @@ def _heading_candidate_from_first_displacement(s: SensorSeries) -> HeadingCandid
     time = s.time_s - s.latency_s
     variance = np.maximum(s.noise[:, 0], s.noise[:, 2])
     sigmas = np.sqrt(np.cumsum(variance) / np.arange(1, len(s) + 1) + _stamp_error_variances_m2(s))
-    limit = np.maximum(MIN_DISPLACEMENT_M, MIN_DISPLACEMENT_SIGMAS * sigmas)
+    limit = np.maximum(MIN_DISPLACEMENT_SHOWING_HEADING_M, MIN_DISPLACEMENT_SHOWING_HEADING_SIGMAS * sigmas)
     anchor = s.values[0]
     distance = np.hypot(s.values[:, 0] - anchor[0], s.values[:, 1] - anchor[1])
     beyond = np.flatnonzero(distance > limit)
@@ -152,7 +157,7 @@ def _heading_candidate_from_first_displacement(s: SensorSeries) -> HeadingCandid
     # held back come in a burst, and their stamps say nothing of it either.
     near = np.flatnonzero(distance[:j] < 0.5 * far)
     i = int(near[-1]) if len(near) else 0
-    while i > 0 and time[j] - time[i] < MIN_DISPLACEMENT_DURATION_S:
+    while i > 0 and time[j] - time[i] < MIN_DISPLACEMENT_DURATION_GIVING_SPEED_S:
         i -= 1
     dx, dy = s.values[j] - s.values[i]
     dt = max(float(time[j] - time[i]), 0.1)
@@ -176,7 +181,7 @@ def _stamp_error_variances_m2(s: SensorSeries) -> FloatArray:
     sigma_s = s.stamp_error.value
     if s.kind is not Kind.POSITION or not sigma_s > 0.0 or not len(s):
         return np.zeros(len(s))
-    span = max(MIN_DISPLACEMENT_DURATION_S, MIN_DISPLACEMENT_SIGMAS * sigma_s)
+    span = max(MIN_DISPLACEMENT_DURATION_GIVING_SPEED_S, MIN_DISPLACEMENT_SHOWING_HEADING_SIGMAS * sigma_s)
     before = np.maximum(np.searchsorted(s.time_s, s.time_s - span, side="right") - 1, 0)
     way = np.hypot(*(s.values - s.values[before]).T)
     return np.asarray((sigma_s * way / np.maximum(s.time_s - s.time_s[before], sigma_s)) ** 2)
@@ -184,7 +189,7 @@ def _stamp_error_variances_m2(s: SensorSeries) -> FloatArray:
 
 def _stamp_error_variance_of_row_m2(s: SensorSeries, i: int) -> float:
     """Return the variance (m^2) that stamp errors add to a row; the first rows use the speed of later ones."""
-    span = max(MIN_DISPLACEMENT_DURATION_S, MIN_DISPLACEMENT_SIGMAS * s.stamp_error.value)
+    span = max(MIN_DISPLACEMENT_DURATION_GIVING_SPEED_S, MIN_DISPLACEMENT_SHOWING_HEADING_SIGMAS * s.stamp_error.value)
     known = min(int(np.searchsorted(s.time_s, s.time_s[0] + span)), len(s) - 1)
     return float(_stamp_error_variances_m2(s)[max(i, known)])
 
@@ -305,7 +310,7 @@ def set_states_before_start_in_place(
         output_s: Shape (m,).
         prior: Shape (n,): variances of the parameter states; the first eight are not used.
     """
-    early = np.flatnonzero(output_s < start_s - MAX_TIME_BEFORE_FILTER_START_S)
+    early = np.flatnonzero(output_s < start_s - MAX_TIME_OF_USED_ROW_BEFORE_FILTER_START_S)
     if not len(early):
         return
     position = next(s for s in series if s.kind is Kind.POSITION and len(s))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import FilterStart, PassResult, SensorSeries
 from cwcli.estimation.start import first_heading_time_s
@@ -24,7 +24,7 @@ MIN_VELOCITY_SIGMAS_FOR_COURSE = 10.0
 """Least size of a velocity, in its sigmas, that tells the heading. Chosen: the course is then good to 0.1 rad."""
 MIN_TIME_FLAGGED_AFTER_REJECTION_S = 0.3
 """Time after a rejected row from which online states are flagged, too, s. Chosen: three periods of usual messages."""
-REJECTED_INNOVATION_SHARE_OF_VARIANCE = 0.5
+SQUARED_REJECTED_INNOVATION_IN_STATE_VARIANCE_SHARE = 0.5
 """Share of the squared innovation that the variance of a state holds while rows are rejected.
 
 Chosen: the state and the rejected rows are taken to be right with the same probability, once they have been rejected
@@ -78,7 +78,7 @@ def compute_state_flags(
     started_s = np.append(restart_s, shown_s)
     set_flag_between(StateFlag.STARTING, np.append(restart_s, -np.inf), _settling_ends_s(series, started_s))
     for s, found in zip(series, status, strict=True):
-        if s.kind in IMU_RATE_KINDS:
+        if s.kind in KINDS_THAT_IMU_MEASURES_TOO:
             continue
         time = s.time_s - s.latency_s
         believed = np.flatnonzero(found >= UpdateStatus.USED)
@@ -141,7 +141,7 @@ def begins_ends_and_rows_of_rejecting_spans(
     """
     time_s = s.time_s - s.latency_s
     rejected = status == UpdateStatus.GATED
-    if s.kind in IMU_RATE_KINDS or not rejected.any():
+    if s.kind in KINDS_THAT_IMU_MEASURES_TOO or not rejected.any():
         return np.zeros(0), np.zeros(0), np.zeros(0, np.intp)
     rows = np.flatnonzero(rejected)
     is_first = ~np.append(False, rejected)[rows]
@@ -175,7 +175,7 @@ def covariance_widened_at_rejected_rows(
         time_s, used = s.time_s - s.latency_s, np.flatnonzero(status != UpdateStatus.GATED)
         since = np.append(-1, used)[np.searchsorted(used, rows)] + 1  # the first rejected row behind the last other one
         share = (
-            REJECTED_INNOVATION_SHARE_OF_VARIANCE
+            SQUARED_REJECTED_INNOVATION_IN_STATE_VARIANCE_SHARE
             * np.minimum((time_s[rows] - time_s[since]) / REJECTION_TIME_OF_EVEN_DOUBT_S, 1.0) ** 2
         )
         for begin, end, variance in zip(first.tolist(), last.tolist(), share * found[rows, 1], strict=True):

@@ -20,7 +20,13 @@ from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATIO
 
 RESIDUAL_STUDENT_DEGREES_OF_FREEDOM = 4.0
 """Degrees of freedom of Student's t: tails as heavy as those of fixes in a town. Chosen by hand; not fitted."""
-MIN_WAY_SIGMA_M, MIN_TURN_SIGMA_RAD, MIN_COURSE_SIGMA_RAD, MIN_SPEED_CHANGE_SIGMA_MPS, MIN_LATERAL_SIGMA_MPS2 = (
+(
+    MIN_STEP_DISTANCE_SIGMA_M,
+    MIN_TURN_SIGMA_RAD,
+    MIN_COURSE_SIGMA_RAD,
+    MIN_SPEED_CHANGE_SIGMA_MPS,
+    MIN_LATERAL_SIGMA_MPS2,
+) = (
     0.5,
     0.05,
     0.05,
@@ -83,7 +89,7 @@ def step_residuals_of_pair(one: StepMotion, other: StepMotion) -> list[StepResid
     kinds = {one.kind, other.kind}
     found = []
     if kinds <= {*FIX_KINDS, Kind.SPEED} and kinds != {Kind.POSITION}:
-        found.append(StepResiduals(one.distance_m - other.distance_m, MIN_WAY_SIGMA_M))
+        found.append(StepResiduals(one.distance_m - other.distance_m, MIN_STEP_DISTANCE_SIGMA_M))
     found.append(StepResiduals(wrap_angle(one.turn_rad - other.turn_rad), MIN_TURN_SIGMA_RAD))
     fixes = [m for m in (one, other) if m.kind in FIX_KINDS]
     if fixes and one.has_zero_angle and other.has_zero_angle:
@@ -92,7 +98,7 @@ def step_residuals_of_pair(one: StepMotion, other: StepMotion) -> list[StepResid
         difference = np.where(rows, wrap_angle(one.angle_rad - other.angle_rad), np.nan)
         found.append(StepResiduals(difference, MIN_COURSE_SIGMA_RAD))
     if Kind.ACCEL in kinds and len(kinds) == 2:
-        change = one.speed_change_mps - other.speed_change_mps
+        change = one.speed_change_to_next_step_mps - other.speed_change_to_next_step_mps
         known = change[np.isfinite(change)]
         found.append(
             StepResiduals(change - (median_of_finite_values(known) if len(known) else 0.0), MIN_SPEED_CHANGE_SIGMA_MPS)

@@ -78,13 +78,13 @@ class StepMotion:
         return np.asarray(SHARED_FIX_SIGMA_FACTOR * np.hypot(self.angle_sigma_rad[:-1], self.angle_sigma_rad[1:]))
 
     @property
-    def speed_change_mps(self) -> FloatArray:
+    def speed_change_to_next_step_mps(self) -> FloatArray:
         """Change of the mean speed from each step to the next, (n - 1,)."""
         return np.diff(self.speed_mps)
 
     @property
     def speed_change_sigma_mps(self) -> float:
-        """One sigma of `speed_change_mps` by the noise of fixes."""
+        """One sigma of `speed_change_to_next_step_mps` by the noise of fixes."""
         return SHARED_FIX_SIGMA_FACTOR * math.sqrt(2.0) * self.speed_sigma_mps
 
 

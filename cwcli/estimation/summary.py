@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cwcli.estimation.measurements import IMU_RATE_KINDS, QUANTITY_BY_KIND
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, QUANTITY_BY_KIND
 from cwcli.estimation.result import SourceReport, Track, TrackSummary
 from cwcli.metrics.table import MetricRow, Table, table_of_metric_rows
 from cwcli.signals.columns import median_of_values
@@ -57,7 +57,7 @@ def format_source_diagnostics_json(tracks: Mapping[str, TrackSummary]) -> str:
                 "read": report.n_read,
                 "used": report.n_used,
                 "gated": report.n_gated,
-                "resets": 0 if report.kind in IMU_RATE_KINDS else report.n_resets,
+                "resets": 0 if report.kind in KINDS_THAT_IMU_MEASURES_TOO else report.n_resets,
                 "nis_per_dof": finite_or_none(report.nis_mean / report.nis_dof),
                 "nis_inside": report.nis_inside,
                 "stamp_sigma_s": finite_or_none(report.stamp_error.value),

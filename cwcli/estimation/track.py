@@ -51,7 +51,7 @@ from cwcli.estimation.limit_check import (
     find_contradictions_of_changing_latencies,
     find_values_beyond_sensor_limits,
 )
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind, Measurements
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind, Measurements
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.model import MANOEUVRE_SIGMA_FACTOR_LIMITS, MotionParameters
 from cwcli.estimation.net_acceleration import reports_without_net_acceleration
@@ -358,7 +358,7 @@ def _filter_and_smooth(
         for s, report in zip(tuned.series, reports, strict=True):
             notes += bias_contradiction_notes(s, report.bias, report.bias_sigma, config.calibration)
     for r in reports:
-        if r.n_resets and r.kind not in IMU_RATE_KINDS:
+        if r.n_resets and r.kind not in KINDS_THAT_IMU_MEASURES_TOO:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
             notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
     jumped = [r.source for r in reports if r.n_resets and r.kind is Kind.POSITION]
@@ -517,7 +517,7 @@ def _build_source_report(
         nis_bounds=bounds,
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
-        scatter=float("nan") if s.kind in IMU_RATE_KINDS else noise_sigma_from_scatter_about_neighbours(s),
+        scatter=float("nan") if s.kind in KINDS_THAT_IMU_MEASURES_TOO else noise_sigma_from_scatter_about_neighbours(s),
         log_likelihood=float(np.nansum(row_log_likelihoods(s, result.nis[i]))),
         noise_origin=s.noise_origin,
         noise_scale=(

@@ -39,13 +39,13 @@ USUAL_PASSES_PER_SEARCH = 70.0
 depends on it."""
 N_REMEMBERED_PASSES = 6
 """Number of passes whose results are kept. Chosen: a search returns to one of its last three trials or to none."""
-N_REMEMBERED_ORDERS = 4
+N_REMEMBERED_ROW_TIME_ORDERS = 4
 """Number of time orders that are kept. Chosen: a search compares at most three latencies in turn."""
 RESET_AFTER_REJECTIONS_IN_SEARCH = 50
 """Rejections in a row after which a source is used again during a search. Chosen above that of the final pass."""
 MAX_NOISE_MATCHINGS = 3
 """Greatest number of rounds of innovation matching per trial. Chosen for speed; not fitted."""
-CONVERGED_NOISE_FACTOR = 1.1
+MAX_NOISE_FACTOR_AT_CONVERGENCE = 1.1
 """The noise of a trial has converged when its factor differs from 1 by less than this factor. Chosen by hand."""
 
 Key = TypeVar("Key", bound=Hashable)
@@ -102,8 +102,8 @@ class FilterTrials:
         self._start, self._start_position_sigma_m = start, start_position_sigma_m
         self._passes: _RecentValues[Hashable, _TrialPass] = _RecentValues(N_REMEMBERED_PASSES)
         self._inputs: _RecentValues[Hashable, tuple[FilterStart, PassInput]] = _RecentValues(1)
-        self._inputs_of_any_noise: _RecentValues[Hashable, PassInput] = _RecentValues(N_REMEMBERED_ORDERS)
-        self._orders: _RecentValues[Hashable, RowTimeOrder] = _RecentValues(N_REMEMBERED_ORDERS)
+        self._inputs_of_any_noise: _RecentValues[Hashable, PassInput] = _RecentValues(N_REMEMBERED_ROW_TIME_ORDERS)
+        self._orders: _RecentValues[Hashable, RowTimeOrder] = _RecentValues(N_REMEMBERED_ROW_TIME_ORDERS)
 
     def run_filter(self, trial: StateLayout) -> PassResult:
         """Return the filter's result over all rows of a trial; it has no output states."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.limit_check import doubt_sentence_on_lasting_errors
-from cwcli.estimation.measurements import IMU_RATE_KINDS, Kind
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind
 from cwcli.estimation.result import SourceReport, TrackSummary
 from cwcli.estimation.tolerances import (
     MAX_BRIDGED_STATE_SHARE,
@@ -179,7 +179,7 @@ def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:
                 f"{100 * s.n_gated / n:.0f} % of {_source_and_quantity_text(s)} contradict the rest: check its stamps "
                 "and its mounting"
             )
-        elif s.n_resets and s.kind not in IMU_RATE_KINDS:
+        elif s.n_resets and s.kind not in KINDS_THAT_IMU_MEASURES_TOO:
             found.append(
                 f"{_source_and_quantity_text(s)} jumped {s.n_resets} x: leave out the states flagged after_reset"
             )

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets_as_states
-from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
+from cwcli.channels.vehicle_state import KINEMATIC_AND_FLAG_FIELDS, VehicleStates, read_vehicle_states
 from cwcli.evaluation.conflicts import RealConflict, find_real_conflicts
 from cwcli.evaluation.records import find_collision_warning_record_and_is_of_targets, warning_config_from_record
 from cwcli.evaluation.scored_warnings import NS_PER_H
@@ -80,7 +80,7 @@ def find_actual_outcomes(log: Log) -> ActualOutcomes | None:
     others_topic = TARGETS.topic if is_of_targets else REMOTE_STATE.topic
     if not {EGO_STATE.topic, others_topic} <= topics:
         return None
-    fields = FLAGGED_KINEMATIC_FIELDS
+    fields = KINEMATIC_AND_FLAG_FIELDS
     columns = log.load_topics({EGO_STATE.topic: fields, others_topic: None if is_of_targets else fields})
     host, others = (
         read_targets_as_states(each) if topic == TARGETS.topic else read_vehicle_states(each, with_covariance=False)

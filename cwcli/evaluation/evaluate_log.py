@@ -23,7 +23,7 @@ from cwcli.pipeline.records import parse_json_entry_or_empty, read_finite_number
 from cwcli.signals.units import NS_PER_S
 from cwcli.stages import STAGES
 
-STAGES_EVALUATED_FIRST = ("estimate", "predict", "warn", "track")
+STAGES_LISTED_FIRST_IN_METRICS_TABLE = ("estimate", "predict", "warn", "track")
 """Stages whose rows come first in the table, in this order; the other stages follow in the order of `run`."""
 
 
@@ -57,7 +57,9 @@ def evaluate_log(
         raise UsageError(f"--truth {truth!r} is neither a topic nor auto nor none")
     subject = EvaluationContext(log, truth, tables or {}, system=system or OtherSystemTopics())
     subject.system.require_topics_in_log(log)
-    evaluators = (STAGES[name].evaluation_module for name in dict.fromkeys((*STAGES_EVALUATED_FIRST, *STAGES)))
+    evaluators = (
+        STAGES[name].evaluation_module for name in dict.fromkeys((*STAGES_LISTED_FIRST_IN_METRICS_TABLE, *STAGES))
+    )
     for evaluator in dict.fromkeys(evaluators):
         add_metrics = getattr(evaluator, "add_metrics", None)
         if add_metrics is not None:

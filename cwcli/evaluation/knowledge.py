@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from cwcli.channels.published import EGO_STATE, OWN_TOPIC_PREFIX
 from cwcli.pipeline.records import Record, read_configuration, read_input_counts
 
-ONLINE, HINDSIGHT, TRUTH, SYSTEM = "online", "hindsight", "truth", "system"
+ONLINE, HINDSIGHT, TRUTH, OTHER_SYSTEM = "online", "hindsight", "truth", "system"
 """Names of the knowledge behind states, as the table `metrics` has them."""
 ROLES_OF_STATES = ("ego_state", "remote_state", "targets")
 """Roles of inputs that are states."""

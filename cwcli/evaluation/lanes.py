@@ -22,11 +22,11 @@ from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.rectify import in_image_mask, lowest_visible_row_px, map_rectified_to_camera_px
 
-MAX_STAMP_DIFFERENCE_NS = 5_000_000
+MAX_STAMP_DIFFERENCE_OF_LABEL_AND_FRAME_NS = 5_000_000
 """A label and a frame belong to one image if their stamps differ by at most this, ns. Chosen by hand; not fitted."""
 PREVIEW_DISTANCE_TOLERANCE_M = 1e-6
 """Greatest difference of two preview distances that count as equal, m: rounding."""
-MAX_RECTIFIED_ROWS = 4096
+MAX_IMAGE_ROWS_SAMPLED_PER_BOUNDARY = 4096
 """Greatest number of image rows at which a boundary is sampled. Chosen to bound the work; not fitted."""
 
 PREVIEW_METRICS = (
@@ -121,7 +121,7 @@ def _match_rows_by_stamp(ours_ns: Int64Array, theirs_ns: Int64Array) -> tuple[Ro
         nearest = np.zeros(len(ours_ns), np.intp)
     else:
         nearest = np.where(ours_ns - ordered[after - 1] <= ordered[after] - ours_ns, after - 1, after)
-    near = np.abs(ordered[nearest] - ours_ns) <= MAX_STAMP_DIFFERENCE_NS
+    near = np.abs(ordered[nearest] - ours_ns) <= MAX_STAMP_DIFFERENCE_OF_LABEL_AND_FRAME_NS
     return np.flatnonzero(near), order[nearest[near]]
 
 
@@ -173,7 +173,7 @@ def _boundary_columns_through_lens_px(
     lines."""
     search_w, search_h, image_w, image_h = sizes
     lowest_px = lowest_visible_row_px(lens)
-    dense_px = np.linspace(0.0, lowest_px, min(int(lowest_px) + 1, MAX_RECTIFIED_ROWS))
+    dense_px = np.linspace(0.0, lowest_px, min(int(lowest_px) + 1, MAX_IMAGE_ROWS_SAMPLED_PER_BOUNDARY))
     x_px = drawn.columns_at_heights_px((search_h + 0.5 - (dense_px + 0.5) * search_h / image_h)[None], search_h)[0]
     u_px = (x_px - 0.5) * image_w / search_w - 0.5
     camera_px = map_rectified_to_camera_px(np.stack([u_px, np.broadcast_to(dense_px, u_px.shape)], axis=-1), lens)

@@ -45,7 +45,7 @@ def add_scores_to_result(log: Log, config: ObserveConfig, result: StageResult) -
     evidence: ObserverEvidence = result.evaluation_inputs
     if evidence.truth is None or not len(evidence.truth):
         return result.with_evaluation()
-    errors = build_truth_errors_table(evidence.track, evidence.truth)
+    errors = build_error_statistics_table(evidence.track, evidence.truth)
     return result.with_evaluation(
         sections=(build_truth_errors_section(errors, evidence.truth.topic),),
         tables={errors.name: errors},
@@ -63,14 +63,16 @@ def add_metrics(context: EvaluationContext) -> None:
     columns = log.load_topics({observer: None, truth: None})
     if not len(columns[observer]) or not len(columns[truth]):
         return
-    for row in build_truth_errors_table(read_observed_drive(columns[observer]).track, columns[truth]).rows_as_dicts():
+    for row in build_error_statistics_table(
+        read_observed_drive(columns[observer]).track, columns[truth]
+    ).rows_as_dicts():
         name, scale = METRIC_AND_FACTOR_BY_STATE.get(row["state"], ("", 1.0))
         if name and row["n"]:
             with headline.label_rows_with_states(comparison_label(ONLINE, TRUTH)):
                 headline.add_from_sums(name, (scale * row["rms"]) ** 2 * row["n"], row["n"])
 
 
-def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
+def build_error_statistics_table(track: LateralTrack, truth: Columns) -> Table:
     """Build a table with one row per state: statistics of observed minus true over the settled frames.
 
     Deviations from the lane are compared at the observer's preview point; frames without a truth there are left out and

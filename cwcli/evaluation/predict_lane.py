@@ -31,7 +31,7 @@ from cwcli.stages.predict_lane import (
     PredictLaneConfig,
 )
 
-COURSE_SCHEMA = EGO_STATE.schema
+SCHEMA_OF_STATES_WITH_COURSE_AS_HEADING = EGO_STATE.schema
 """Schema of states whose heading is the course and not the yaw of the car."""
 
 
@@ -62,7 +62,7 @@ def _truth_poses_at_frames(
         - left_rad
     )
     schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
-    if schema == COURSE_SCHEMA:
+    if schema == SCHEMA_OF_STATES_WITH_COURSE_AS_HEADING:
         lateral_mps = observed.track.state[:, 0]
         if lateral is not None and len(lateral):
             true_ns, true_state = read_lateral_truth_stamps_and_states(lateral)

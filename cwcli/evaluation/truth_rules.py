@@ -26,7 +26,7 @@ from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
 STATES_OF_QUANTITY = {"position": [X, Y], "speed": [SPEED], "heading": [HEADING]}
 """Quantity of a truth -> its states in the order of `STATE_NAMES`; the order of this table is that of the search."""
-MAX_CLOCK_ERROR_S = 30.0
+MAX_SEARCHED_TRUTH_CLOCK_ERROR_S = 30.0
 """Largest error of a truth's clock that is searched, s. Chosen: GPS is 18 s ahead of UTC."""
 COARSE_CLOCK_ERROR_SEARCH_STEP_S = 0.5
 """First step of that search, s. Chosen: a car's way bends over seconds."""
@@ -40,9 +40,9 @@ MAX_REMAINING_NEES_SHARE = 0.25
 """Greatest share of the NEES that is left where a rule holds. Chosen: the rule then makes most of the error."""
 MIN_ADVANTAGE_FACTOR_OVER_SIMPLER_RULE = 1.2
 """Factor by which a rule has to be better than an earlier, simpler one. Chosen by hand; not fitted."""
-MIN_HELD_TIME_S = 2.0
+MIN_DURATION_OF_REPEATED_TRUTH_VALUE_S = 2.0
 """Least time in s for which a truth repeats one value while the track moves on. Chosen: longer than a stutter."""
-MIN_MOVEMENT_WHILE_HELD_M = 2.0
+MIN_TRACK_MOVEMENT_WHILE_TRUTH_REPEATS_M = 2.0
 """Least way of the track in that time, m. Chosen: a car that stands repeats its place lawfully."""
 
 
@@ -278,7 +278,9 @@ def _clock_error_fit_with(other: _RuleKind | None) -> _RuleFit:
             return moved.nees_per_dof(moved.track_minus_truth(moved.late_s), all_few)
 
         grid = np.arange(
-            -MAX_CLOCK_ERROR_S, MAX_CLOCK_ERROR_S + COARSE_CLOCK_ERROR_SEARCH_STEP_S, COARSE_CLOCK_ERROR_SEARCH_STEP_S
+            -MAX_SEARCHED_TRUTH_CLOCK_ERROR_S,
+            MAX_SEARCHED_TRUTH_CLOCK_ERROR_S + COARSE_CLOCK_ERROR_SEARCH_STEP_S,
+            COARSE_CLOCK_ERROR_SEARCH_STEP_S,
         )
         best = float(grid[int(np.argmin([cost(each) for each in grid.tolist()]))])
         step = 0.5 * COARSE_CLOCK_ERROR_SEARCH_STEP_S
@@ -372,8 +374,8 @@ def _held_truth_rows_mask(rows: _TruthRows) -> BoolArray:
     first = np.flatnonzero(is_new)
     last = np.append(first[1:], len(is_new)) - 1
     estimated = rows.estimated_quantity(rows.late_s)  # NaN outside of the track, where no movement is known
-    is_held = (rows.stamp_s[last] - rows.stamp_s[first] > MIN_HELD_TIME_S) & (
-        np.hypot(*(estimated[last] - estimated[first]).T) > MIN_MOVEMENT_WHILE_HELD_M
+    is_held = (rows.stamp_s[last] - rows.stamp_s[first] > MIN_DURATION_OF_REPEATED_TRUTH_VALUE_S) & (
+        np.hypot(*(estimated[last] - estimated[first]).T) > MIN_TRACK_MOVEMENT_WHILE_TRUTH_REPEATS_M
     )
     return np.repeat(is_held, last - first + 1)
 

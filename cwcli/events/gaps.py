@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, read_vehicle_states
+from cwcli.channels.vehicle_state import KINEMATIC_AND_FLAG_FIELDS, read_vehicle_states
 from cwcli.events.base import EventKind, Moment, severity_as_ratio_to_threshold
 from cwcli.events.evidence import NEVER_PAUSING_SENSOR_ROLES, EventEvidence
 from cwcli.signals.columns import Int64Array
@@ -49,7 +49,7 @@ def _bridged_spans_ns(evidence: EventEvidence) -> list[tuple[int, int]]:
     log = evidence.log
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
         return []
-    states = read_vehicle_states(log.columns(EGO_STATE.topic, FLAGGED_KINEMATIC_FIELDS), with_covariance=False)
+    states = read_vehicle_states(log.columns(EGO_STATE.topic, KINEMATIC_AND_FLAG_FIELDS), with_covariance=False)
     is_bridged = states.flags & np.uint8(StateFlag.BRIDGED) != 0
     spans = [
         (int(states.stamp_ns[first]), int(states.stamp_ns[last]))

@@ -21,13 +21,13 @@ PROJECTED_DISTANCE_BEHIND_M, PROJECTED_DISTANCE_AHEAD_M = 40.0, 100.0
 """How far behind and ahead of the ego others are projected on its way, m. Chosen by hand."""
 MAX_RANGE_OF_PROJECTED_OTHERS_M = 120.0
 """Others farther away than this are not projected, m. Chosen by hand."""
-MAX_BEYOND_PATH_ENDS_M = 2.0
+MAX_PROJECTION_BEYOND_DRIVEN_PATH_ENDS_M = 2.0
 """How far beyond both ends of the driven way others are projected, m. Chosen by hand: nobody knows where it goes on."""
 HALF_LANE_WIDTH_M = 1.75
 """Half the width of a lane that is assumed, m: lanes are 3.0 m to 3.75 m wide (RAA 2008, AASHTO)."""
 MAX_HEADING_DIFFERENCE_OF_SAME_DIRECTION_RAD = 0.5
 """Two headings that differ by less are the same direction, rad. Chosen by hand."""
-LONGEST_WAY_M = 1e7
+MAX_PLAUSIBLE_DRIVEN_DISTANCE_M = 1e7
 """Length of the driven way beyond which the states of a log are not believed, m. Chosen by hand: 100 h at 100 km/h."""
 
 
@@ -116,7 +116,7 @@ class DrivenWay:
     def __init__(self, stamp_ns: Int64Array, state: FloatArray) -> None:
         steps_m = np.hypot(*np.diff(state[:, :2], axis=0).T)
         driven_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-        if not driven_m[-1] < LONGEST_WAY_M:
+        if not driven_m[-1] < MAX_PLAUSIBLE_DRIVEN_DISTANCE_M:
             raise DataError(f"the ego's states lead over {driven_m[-1] / 1000:,.0f} km, or are no numbers")
         moving = np.concatenate([[True], np.diff(driven_m) > 1e-6])
         self._driven_m, self._stamp_ns = driven_m, stamp_ns
@@ -148,7 +148,9 @@ class DrivenWay:
         heading_rad = np.asarray(self._heading_rad)[best]
         cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
         beyond_m = dx_m * cosine + dy_m * sine
-        is_known = ((best > 0) & (best < len(self.along_m) - 1)) | (np.abs(beyond_m) <= MAX_BEYOND_PATH_ENDS_M)
+        is_known = ((best > 0) & (best < len(self.along_m) - 1)) | (
+            np.abs(beyond_m) <= MAX_PROJECTION_BEYOND_DRIVEN_PATH_ENDS_M
+        )
         ahead_m = np.where(is_known, self.along_m[best] + beyond_m - ego_along_m, np.nan)
         left_m = np.where(is_known, dy_m * cosine - dx_m * sine, np.nan)
         turn_rad = np.angle(np.exp(1j * (theirs[:, 3] - heading_rad)))

@@ -18,7 +18,7 @@ from cwcli.metrics.table import unit_of_column
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.inputs import normalise_schema_name
 from cwcli.signals.leaf_fields import read_numbers
-from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_BY_KIND
+from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_IN_ROS_MESSAGES_BY_KIND_OF_QUANTITY
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import STATE_NAMES
 
@@ -85,7 +85,7 @@ def _unit_defined_by_message_or_none(operand: Number | Series, log: Log) -> str 
         schemas.add("sensor_msgs/NavSatFix")  # which has the same fields
     mapped = (each.fields.get(field) for each in MAPPED_QUANTITIES_BY_ROLE.values() if each.schema in schemas)
     kind = next(filter(None, mapped), None)
-    return None if kind is None else UNIT_BY_KIND[kind]
+    return None if kind is None else UNIT_IN_ROS_MESSAGES_BY_KIND_OF_QUANTITY[kind]
 
 
 def _operand_and_unit_for_error_text(operand: Number | Series, unit: str | None) -> str:

@@ -20,9 +20,9 @@ import re
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
+    COMPARISON_OPERATOR_OR_PARENTHESIS_PATTERN,
     LOGICAL_WORDS,
     NUMBER_PATTERN,
-    SIGN_PATTERN,
     AndOr,
     Comparison,
     ConditionParser,
@@ -70,7 +70,7 @@ EXPRESSION_EXAMPLE = "for example 'min(ttc_s) over 3 s < 1.5 and ego.speed_mps >
 _TOKEN_PATTERN = re.compile(
     rf"\s*(?:{NUMBER_PATTERN})"
     r"|(?P<field>/[^\s:()<>=!]+:[A-Za-z_][\w.\[\]]*)"
-    rf"|(?P<name>[A-Za-z][A-Za-z0-9_.-]*)|{SIGN_PATTERN})"
+    rf"|(?P<name>[A-Za-z][A-Za-z0-9_.-]*)|{COMPARISON_OPERATOR_OR_PARENTHESIS_PATTERN})"
 )
 """Pattern of one token after any white space: a number, a field of a topic, a name or a sign."""
 _UNIT_PATTERN = re.compile(

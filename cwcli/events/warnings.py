@@ -20,7 +20,9 @@ from cwcli.events.evidence import EventEvidence
 
 VERDICT_OF_WARNING_WITHOUT_TRACK = "no verdict"
 """The verdict on a warning about something without a track, such as a lane boundary."""
-THRESHOLD_IN_WORDS = "for the severity: 2.5 m between the centres, or `--distance` of `cwcli warn`"
+DISTANCE_THRESHOLD_OF_WARNING_SEVERITY_TEXT = (
+    "for the severity: 2.5 m between the centres, or `--distance` of `cwcli warn`"
+)
 """Threshold that the severity of a warning compares the least distance with; the words of the table of events."""
 
 
@@ -64,7 +66,7 @@ def _event_of_verdict(verdict: str, summary: str) -> EventKind:
     return EventKind(
         summary=summary,
         value_name="lead_time_s",
-        threshold=THRESHOLD_IN_WORDS,
+        threshold=DISTANCE_THRESHOLD_OF_WARNING_SEVERITY_TEXT,
         source="the verdicts of `cwcli evaluate`",
         needs="warnings, states of others",
         find=partial(find_warnings, verdict=verdict),
@@ -74,7 +76,7 @@ def _event_of_verdict(verdict: str, summary: str) -> EventKind:
 EVENT = EventKind(
     summary="a warning of any rule",
     value_name="lead_time_s",
-    threshold=THRESHOLD_IN_WORDS,
+    threshold=DISTANCE_THRESHOLD_OF_WARNING_SEVERITY_TEXT,
     source="the rules of `cwcli warn`",
     needs="warnings",
     find=find_warnings,

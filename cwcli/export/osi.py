@@ -34,7 +34,7 @@ ASSUMED_VEHICLE_HEIGHT_M = 1.5
 """Height of all vehicles, m; chosen: no message holds one."""
 MAX_INTERPOLATED_TRACK_GAP_S = 1.0
 """Longest time between two states that is interpolated, s; chosen by hand."""
-TYPE_OTHER, TYPE_VEHICLE, VEHICLE_OTHER = 1, 2, 1
+MOVING_OBJECT_TYPE_OTHER, MOVING_OBJECT_TYPE_VEHICLE, VEHICLE_CLASSIFICATION_TYPE_OTHER = 1, 2, 1
 """The values of MovingObject.Type and of VehicleClassification.Type that are used."""
 GPS_EPOCH_NS = 315_964_800 * NS_PER_S
 """The GPS epoch (IS-GPS-200, 1980-01-06) as Unix time, ns; earlier stamps count from the start of a simulation."""
@@ -141,8 +141,8 @@ def _moving_objects_of_each_message(tracks: Sequence[Track], ids: Sequence[int],
         "base.dimension.length": sizes[:, 0],
         "base.dimension.width": sizes[:, 1],
         "base.dimension.height": np.full(len(owner), ASSUMED_VEHICLE_HEIGHT_M),
-        "type": np.where(is_target, TYPE_OTHER, TYPE_VEHICLE),
-        "vehicle_classification.type": np.full(len(owner), VEHICLE_OTHER),
+        "type": np.where(is_target, MOVING_OBJECT_TYPE_OTHER, MOVING_OBJECT_TYPE_VEHICLE),
+        "vehicle_classification.type": np.full(len(owner), VEHICLE_CLASSIFICATION_TYPE_OTHER),
         "source_reference": Repeated(
             np.arange(len(owner) + 1, dtype=np.int64),
             {

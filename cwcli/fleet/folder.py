@@ -26,9 +26,9 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.output import open_output
 from cwcli.version import __version__
 
-MANIFEST_FORMAT = 2
+MANIFEST_FORMAT_VERSION = 2
 """Version of the manifest's format."""
-MANIFEST_NAME, RUN_TIMES_NAME, ENTRY_NAME, ANNOTATED_LOG_NAME, STAGED_TABLES_NAME = (
+MANIFEST_NAME, RUN_TIMES_NAME, LOG_ENTRY_FILE_NAME, ANNOTATED_LOG_NAME, STAGED_TABLES_FILE_NAME = (
     "manifest.json",
     "run_times.json",
     "entry.json",
@@ -42,11 +42,11 @@ SHARD_KEY = "shard"
 """Key of the manifest with the number of the shard and of all shards; a whole run has none."""
 NOT_DONE_TEXT = "it was not processed"
 """Error text of a log that has no entry."""
-OTHER_FORMAT_HINT = "use the version of cwcli that wrote it, or do the run again into a new folder"
+HINT_ON_MANIFEST_OF_OTHER_FORMAT = "use the version of cwcli that wrote it, or do the run again into a new folder"
 """Hint of the error about a manifest in another format."""
 TABLES_KEY = "tables"
 """Key of the manifest with the names of the run's tables."""
-SCORES_KEY = "scores"
+HEADLINE_METRIC_REFERENCES_KEY = "scores"
 """Key of a log's entry with what its headline metrics were held against, and notes on them."""
 LOGS_FOLDER, SCRATCH_FOLDER = "logs", ".scratch"
 """Names of the subfolders of the output folder."""
@@ -69,7 +69,7 @@ class LogOutputs:
     @property
     def staged_tables_path(self) -> Path:
         """Path of the log's tables, which is there until the tables of the run hold them."""
-        return self.out / LOGS_FOLDER / self.id / STAGED_TABLES_NAME
+        return self.out / LOGS_FOLDER / self.id / STAGED_TABLES_FILE_NAME
 
     def read_entry(self) -> Document | None:
         """Read the log's entry; None if there is none or it can't be read."""
@@ -78,7 +78,7 @@ class LogOutputs:
     @property
     def entry_path(self) -> Path:
         """Path of the log's entry."""
-        return self.out / LOGS_FOLDER / self.id / ENTRY_NAME
+        return self.out / LOGS_FOLDER / self.id / LOG_ENTRY_FILE_NAME
 
     def note_entry_as_input(self) -> None:
         """Register the entry as an input of this run, so that no output overwrites it."""
@@ -135,7 +135,7 @@ def log_id_of_annotated_file(path: Path) -> str | None:
     """The id of the drive whose annotated log in an output folder this is; None for any other file."""
     try:
         resolved = path.resolve()
-        is_of_run = resolved.name == ANNOTATED_LOG_NAME and (resolved.parent / ENTRY_NAME).is_file()
+        is_of_run = resolved.name == ANNOTATED_LOG_NAME and (resolved.parent / LOG_ENTRY_FILE_NAME).is_file()
     except (OSError, ValueError):  # reading the file gives the error
         return None
     return resolved.parent.name if is_of_run else None
@@ -181,7 +181,7 @@ class RecordedRun:
     gates: tuple[str, ...]
     url: str = ""
 
-    def name_of_file(self, path: Path) -> str:
+    def path_or_url_of_file(self, path: Path) -> str:
         """Return what a file of the folder is called for the user."""
         return f"{self.url}/{path.relative_to(self.path).as_posix()}" if self.url else str(path)
 
@@ -204,7 +204,7 @@ def read_output_folder(out: Path, url: str = "") -> RecordedRun | None:
     remember_input_file(out / MANIFEST_NAME)
     manifest = read_json_object(out / MANIFEST_NAME) or {}
     if what := format_mismatch_text_or_empty(manifest):
-        raise InputError(what, where=f"{url or out}/{MANIFEST_NAME}", hint=OTHER_FORMAT_HINT)
+        raise InputError(what, where=f"{url or out}/{MANIFEST_NAME}", hint=HINT_ON_MANIFEST_OF_OTHER_FORMAT)
     listed = manifest.get("logs")
     if not isinstance(listed, list):
         listed = [{"id": name} for name in iter_recorded_log_ids(out)]
@@ -252,10 +252,10 @@ def format_mismatch_text_or_empty(manifest: Mapping[str, Any]) -> str:
 
     A folder of logs may hold a manifest.json of another tool, which is ignored.
     """
-    found = manifest.get("format", MANIFEST_FORMAT)
-    if found == MANIFEST_FORMAT or not ("cwcli" in manifest or isinstance(manifest.get("logs"), list)):
+    found = manifest.get("format", MANIFEST_FORMAT_VERSION)
+    if found == MANIFEST_FORMAT_VERSION or not ("cwcli" in manifest or isinstance(manifest.get("logs"), list)):
         return ""
-    return f"a manifest of format {found!r}, and cwcli {__version__} reads format {MANIFEST_FORMAT}"
+    return f"a manifest of format {found!r}, and cwcli {__version__} reads format {MANIFEST_FORMAT_VERSION}"
 
 
 def new_log_entry(id: str, source: str) -> Document:
@@ -271,7 +271,7 @@ def new_log_entry(id: str, source: str) -> Document:
         "faults": {},
         "inputs": [],
         "tables": {},
-        SCORES_KEY: {},
+        HEADLINE_METRIC_REFERENCES_KEY: {},
         "key": None,
     }
 
@@ -282,7 +282,9 @@ def _has_all_fields(entry: Document) -> bool:
         entry.get("error") is None
         and all(isinstance(entry.get(key), str) for key in ("id", "source", "sha256"))
         and all(isinstance(entry.get(key), list) for key in ("stages", "outputs", "bytes", "inputs"))
-        and all(isinstance(entry.get(key), dict) for key in ("left_out", "faults", "tables", SCORES_KEY))
+        and all(
+            isinstance(entry.get(key), dict) for key in ("left_out", "faults", "tables", HEADLINE_METRIC_REFERENCES_KEY)
+        )
         and all(isinstance(each, str) for each in (*entry["stages"], *entry["outputs"], *entry["left_out"].values()))
         and all(isinstance(each, int) for each in entry["tables"].values())
         and all(isinstance(each, dict) and _is_message_count(each) for each in entry["inputs"])

@@ -11,10 +11,10 @@ from typing import NamedTuple
 from cwcli.errors import OutputError
 from cwcli.fleet.folder import (
     ENDED_LOG_STATUSES,
+    HINT_ON_MANIFEST_OF_OTHER_FORMAT,
     LOGS_FOLDER,
-    MANIFEST_FORMAT,
+    MANIFEST_FORMAT_VERSION,
     MANIFEST_NAME,
-    OTHER_FORMAT_HINT,
     RUN_TIMES_NAME,
     SHARD_KEY,
     Document,
@@ -29,7 +29,7 @@ from cwcli.version import __version__
 
 FOLDERS_WITH_RESULTS = (LOGS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER)
 """Subfolders of the output folder with results."""
-MAX_SHOWN_NAMES = 10
+MAX_NAMES_LISTED_IN_ERROR = 10
 """Largest number of names in an error; chosen by hand."""
 
 
@@ -37,7 +37,7 @@ def manifest_without_logs(plan: FleetPlan) -> Document:
     """Make the part of the manifest that does not depend on the logs."""
     shard = {} if plan.shard is None else {SHARD_KEY: {"index": plan.shard.index, "count": plan.shard.count}}
     run = {"run_id": plan.run_id, "pipeline": dict(plan.pipeline)}
-    return {"format": MANIFEST_FORMAT, "cwcli": __version__, **shard, **run}
+    return {"format": MANIFEST_FORMAT_VERSION, "cwcli": __version__, **shard, **run}
 
 
 class IndexOfEndedLogs(NamedTuple):
@@ -60,11 +60,11 @@ def read_index_of_ended_logs(out: Path, *, force: bool) -> IndexOfEndedLogs:
     """
     manifest = read_json_object(out / MANIFEST_NAME)
     if what := format_mismatch_text_or_empty(manifest or {}):
-        raise OutputError(what, where=str(out / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
+        raise OutputError(what, where=str(out / MANIFEST_NAME), hint=HINT_ON_MANIFEST_OF_OTHER_FORMAT)
     ours = [*(name for name in FOLDERS_WITH_RESULTS if (out / name).exists()), *iter_table_names(out)]
-    if ours and (manifest is None or manifest.get("format") != MANIFEST_FORMAT):
+    if ours and (manifest is None or manifest.get("format") != MANIFEST_FORMAT_VERSION):
         raise OutputError(
-            f"the folder holds no run of cwcli, but {', '.join(ours[:MAX_SHOWN_NAMES])}",
+            f"the folder holds no run of cwcli, but {', '.join(ours[:MAX_NAMES_LISTED_IN_ERROR])}",
             where=str(out),
             hint="name a new folder with -d",
         )

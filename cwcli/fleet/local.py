@@ -21,7 +21,7 @@ MAX_ATTEMPTS_AT_LOG = 2
 """Greatest number of attempts at a log whose worker dies. Chosen: one repetition, because another process may have
 caused it."""
 
-LOGS_PER_WORKER = 500
+MAX_LOGS_BEFORE_WORKER_REPLACEMENT = 500
 """Logs after which a worker is replaced, so that memory that libraries keep does not add up; chosen by hand."""
 
 
@@ -99,7 +99,7 @@ class _WorkerPool:
                     break
             else:
                 self._mine.n_done += 1
-                if self._mine.n_done >= LOGS_PER_WORKER:
+                if self._mine.n_done >= MAX_LOGS_BEFORE_WORKER_REPLACEMENT:
                     self._stop_and_replace_worker()
                 return replace(task_result, attempts=attempt)
         raise WorkerDied

@@ -14,8 +14,8 @@ from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.evaluation.setting_changes import iter_changed_values
 from cwcli.fleet.folder import (
     ENDED_LOG_STATUSES,
+    HINT_ON_MANIFEST_OF_OTHER_FORMAT,
     MANIFEST_NAME,
-    OTHER_FORMAT_HINT,
     RUN_TIMES_NAME,
     SHARD_KEY,
     TABLES_KEY,
@@ -44,7 +44,7 @@ SHARD_COPIES_FOLDER = ".merge"
 """Subfolder of the output folder with copies of shards from a store while they are merged; a run never uses it."""
 MANIFEST_KEYS_OF_ALL_SHARDS = ("format", "cwcli", "run_id", "pipeline")
 """Keys of the manifest that all shards share."""
-MAX_VALUE_CHARS = 40
+MAX_SHOWN_CHARS_OF_DIFFERING_SETTING = 40
 """Greatest number of characters that are shown of a setting that differs: a whole stage would be a page of JSON. Chosen
 by hand."""
 
@@ -147,7 +147,7 @@ def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int,
     manifest = {key: shards[0].manifest[key] for key in MANIFEST_KEYS_OF_ALL_SHARDS}
     with lock_folder(target):
         _refuse_other_content(target, manifest, set(entries))
-        _write_manifest_of_pending_logs(manifest, entries, target)
+        _write_manifest_with_all_logs_pending(manifest, entries, target)
         n_copied = 0
         for k, (name, each) in enumerate(entries.items()):
             own, merged = LogOutputs(each.path, name), LogOutputs(target, name)
@@ -163,7 +163,7 @@ def _merge_folders(folders: Sequence[Path], target: Path, report: Callable[[int,
     return MergeResult(len(whole), n_failed, n_copied, len(shards))
 
 
-def _write_manifest_of_pending_logs(manifest: Document, entries: dict[str, _EntryOfShard], target: Path) -> None:
+def _write_manifest_with_all_logs_pending(manifest: Document, entries: dict[str, _EntryOfShard], target: Path) -> None:
     """Write the manifest of a merge that has begun."""
     pending = [
         {"id": name, "source": each.source, "status": "pending", "error": None} for name, each in entries.items()
@@ -181,7 +181,7 @@ def _read_shard(path: Path) -> _ShardFolder:
         what = f"the manifest lacks {join_names([repr(key) for key in lacking] or ['the list of logs'])}"
         raise InputError(what, where=str(path / MANIFEST_NAME), hint="run `cwcli run` with this --shard again")
     if what := format_mismatch_text_or_empty(manifest):
-        raise InputError(what, where=str(path / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
+        raise InputError(what, where=str(path / MANIFEST_NAME), hint=HINT_ON_MANIFEST_OF_OTHER_FORMAT)
     try:
         return _ShardFolder(path, manifest, [JsonText.encode_value(each) for each in manifest.pop("logs")])
     except ValueError as error:  # NaN is no number in JSON, though Python reads it
@@ -200,7 +200,9 @@ def _require_equal_runs(shards: Sequence[_ShardFolder]) -> None:
             if each.manifest[key] != first.manifest[key]:
                 changes = iter_changed_values({key: first.manifest[key]}, {key: each.manifest[key]})
                 name, was, now = next(changes)
-                was, now = (shorten_and_escape(value, MAX_VALUE_CHARS) or "not set" for value in (was, now))
+                was, now = (
+                    shorten_and_escape(value, MAX_SHOWN_CHARS_OF_DIFFERING_SETTING) or "not set" for value in (was, now)
+                )
                 setting = (
                     f": {was} and {now}" if name == key else f": {name.removeprefix(f'{key}.')} is {was} and {now}"
                 )

@@ -15,9 +15,9 @@ MAX_FILE_NAME_BYTES = 160
 """Longest name in bytes of UTF-8; chosen: file systems take 255, and a digest and a suffix follow."""
 NAME_DIGEST_HEX_DIGITS = 8
 """Hexadecimal digits of the hash that makes a changed name unique; chosen by hand."""
-PLAIN_UNICODE_CATEGORIES = frozenset({"Lu", "Ll", "Lt", "Lm", "Lo", "Mn", "Mc", "Nd"})
+UNICODE_CATEGORIES_OF_LETTERS_MARKS_AND_DIGITS = frozenset({"Lu", "Ll", "Lt", "Lm", "Lo", "Mn", "Mc", "Nd"})
 """Unicode categories of letters, their marks, and digits."""
-_LETTER_OF_NO_NUMBER_PATTERN = re.compile(r"[A-DF-SU-Ya-df-su-y]|[^\W\d_a-zA-Z]")
+_LETTER_NEVER_IN_NUMBER_TEXT_PATTERN = re.compile(r"[A-DF-SU-Ya-df-su-y]|[^\W\d_a-zA-Z]")
 """A letter that no number in text holds."""
 _WORD_READ_AS_VALUE_PATTERN = re.compile(r"(?i)nan|inf|infinity|null|true|false|none")
 """Words that readers of tables take for a number, a missing value or a truth value."""
@@ -36,7 +36,7 @@ def safe_file_name(text: str) -> str:
     with_gaps = "".join(char if _is_plain_character(char) else "\0" for char in composed)
     name = _cut_to_max_length(re.sub(r"^[\W_]+", "", re.sub("\0+", "_", with_gaps))).rstrip(".")
     if (
-        not _LETTER_OF_NO_NUMBER_PATTERN.search(name)
+        not _LETTER_NEVER_IN_NUMBER_TEXT_PATTERN.search(name)
         or _WORD_READ_AS_VALUE_PATTERN.fullmatch(name)
         or _WINDOWS_DEVICE_NAMES.fullmatch(name)
     ):
@@ -52,7 +52,9 @@ def safe_file_name(text: str) -> str:
 def _is_plain_character(char: str) -> bool:
     """Whether a character is a letter, a digit or a mark of any script, or one of `._-`."""
     return char in "._-" or (
-        char.isalnum() if char.isascii() else unicodedata.category(char) in PLAIN_UNICODE_CATEGORIES
+        char.isalnum()
+        if char.isascii()
+        else unicodedata.category(char) in UNICODE_CATEGORIES_OF_LETTERS_MARKS_AND_DIGITS
     )
 
 

@@ -14,7 +14,7 @@ from cwcli.fleet.shard import Shard
 from cwcli.fleet.table_schemas import TABLES_SCHEMA_VERSION
 from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO
 from cwcli.lazy_dataclass import dataclass
-from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES
+from cwcli.logs.read.read_bounds import DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL, DEFAULT_TIMEOUT_S
 from cwcli.pipeline.call import StageCall
 from cwcli.version import __version__
 
@@ -47,7 +47,7 @@ class FleetPlan:
     end: str | None = None
     recover: bool = False
     max_chunk_bytes: int = MAX_CHUNK_BYTES
-    max_pipe_bytes: int = MAX_PIPE_BYTES
+    max_pipe_bytes: int = DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL
     max_ratio: float = MAX_UNPACKED_TO_STORED_SIZE_RATIO
     strict: bool = False
     ego_station: str | None = None

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from cwcli.errors import InputError, OutputError, UsageError
-from cwcli.fleet.folder import ANNOTATED_LOG_NAME, ENTRY_NAME, LOGS_FOLDER, MANIFEST_NAME, RUN_TIMES_NAME
+from cwcli.fleet.folder import ANNOTATED_LOG_NAME, LOG_ENTRY_FILE_NAME, LOGS_FOLDER, MANIFEST_NAME, RUN_TIMES_NAME
 from cwcli.logs.read.remote import WEB_PREFIXES, file_system_and_path, iter_remote_blocks
 from cwcli.logs.read.remote_errors import unreadable_url_error
 from cwcli.output import make_folder, open_output
@@ -229,7 +229,7 @@ class StoreFolder:
             OutputError: The store does not take them.
         """
         folder = f"{LOGS_FOLDER}/{id}/"
-        entry = folder + ENTRY_NAME
+        entry = folder + LOG_ENTRY_FILE_NAME
         changed = [name for name in self._names_of_files_changed_since_sent() if name.startswith(folder)]
         if not changed and not self._names_of_files_no_longer_here(folder):
             return

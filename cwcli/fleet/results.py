@@ -11,9 +11,9 @@ import numpy as np
 
 from cwcli.errors import CwcliError, InputError, UsageError
 from cwcli.fleet.folder import (
+    HEADLINE_METRIC_REFERENCES_KEY,
     MANIFEST_NAME,
     NOT_DONE_TEXT,
-    SCORES_KEY,
     LogOutputs,
     RecordedLog,
     RecordedRun,
@@ -23,7 +23,7 @@ from cwcli.fleet.run_source import is_folder_of_logs, read_run_or_none
 from cwcli.fleet.staged_tables import iter_staged_tables, list_staged_tables
 from cwcli.fleet.table_schemas import LOG_COLUMN
 from cwcli.fleet.tables import METRICS_TABLE, TABLE_FILE_SUFFIX
-from cwcli.input import MAX_BINARY_BYTES, read_file
+from cwcli.input import MAX_NET_OR_TABLE_FILE_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.headline import COLUMNS_MISSING_IN_EARLIER_VERSIONS, METRICS_TABLE_COLUMNS
 from cwcli.metrics.pooling import (
@@ -46,11 +46,11 @@ STDIN_NAME = "-"
 """Name of standard input."""
 METRIC_ROWS_PER_BATCH = 65_536
 """Number of rows of a table of metrics that are read at a time. Chosen by hand: some ten MB."""
-TEXT_COLUMNS = ("stage", "metric", "unit", "pool", "states")
+TEXT_COLUMNS_OF_METRICS_TABLE = ("stage", "metric", "unit", "pool", "states")
 """The text columns of the table of metrics; the others hold numbers."""
-NO_TABLE_TEXT = "the log has no readable table of metrics, and no annotated log to make it from"
+NO_METRICS_TABLE_ERROR_TEXT = "the log has no readable table of metrics, and no annotated log to make it from"
 """Error text of a log that is done but has neither metrics nor an annotated log."""
-NO_LOG_TEXT = "the run wrote no annotated log, from which other scores could be computed"
+NO_ANNOTATED_LOG_ERROR_TEXT = "the run wrote no annotated log, from which other scores could be computed"
 """Error text of a log of a run with `--no-annotate`, for another truth or another system."""
 
 
@@ -145,7 +145,7 @@ def _iter_metrics_of_run(
     metrics = MetricsOfRun(run)
     for log in run.logs:
         if log.folder is None:
-            where = run.name_of_file(run.path / MANIFEST_NAME)
+            where = run.path_or_url_of_file(run.path / MANIFEST_NAME)
             raise InputError(f"the log id {log.id!r} is not the name of a file", where=where)
         if log.entry.get("status") != "done":
             found = LogMetrics(log.id, error=_error_or_not_done_text(log.entry))
@@ -159,7 +159,7 @@ def _iter_metrics_of_run(
 def _metrics_of_log(
     log: RecordedLog, folder: LogOutputs, metrics: MetricsOfRun, scoring: _ScoringOptions, step: Callable[[str], None]
 ) -> LogMetrics:
-    scores = log.entry.get(SCORES_KEY)
+    scores = log.entry.get(HEADLINE_METRIC_REFERENCES_KEY)
     scores = scores if isinstance(scores, dict) else {}
     try:
         rows = metrics.rows_of_log(folder)
@@ -167,10 +167,10 @@ def _metrics_of_log(
             return LogMetrics(folder.id, rows, notes=tuple(str(scores.get("notes", "")).splitlines()))
     except InputError:
         if log.find_annotated_log() is None:
-            return LogMetrics(folder.id, error=NO_TABLE_TEXT)
+            return LogMetrics(folder.id, error=NO_METRICS_TABLE_ERROR_TEXT)
     annotated = log.find_annotated_log()
     if annotated is None:
-        return LogMetrics(folder.id, error=NO_LOG_TEXT)
+        return LogMetrics(folder.id, error=NO_ANNOTATED_LOG_ERROR_TEXT)
     step(f"evaluating {folder.id}")
     try:
         return _score_log(annotated, folder.id, scoring)
@@ -209,7 +209,7 @@ class MetricsOfRun:
         try:
             return self._rows_in_staged_tables(staged) if is_staged else self._rows_in_table_of_run(folder.id)
         except InputError as error:
-            where = self._run.name_of_file(staged if is_staged else self._path)
+            where = self._run.path_or_url_of_file(staged if is_staged else self._path)
             raise InputError(error.what, where=where, hint=error.hint) from error
 
     @staticmethod
@@ -250,7 +250,7 @@ def _metric_rows_by_log(path: Path, is_needed: Callable[[str], bool] | None) -> 
 
     rows: dict[str, dict[str, MetricRow]] = {}
     try:
-        source = pa.BufferReader(read_file(path, limit=MAX_BINARY_BYTES))
+        source = pa.BufferReader(read_file(path, limit=MAX_NET_OR_TABLE_FILE_BYTES))
         with parquet.ParquetFile(source) as file:
             if file.metadata.num_rows == 0:
                 _table_from_arrow(file.schema_arrow.empty_table(), path)
@@ -361,7 +361,9 @@ def read_metrics_table(path: Path) -> Table:
     from pyarrow import parquet
 
     try:
-        found = parquet.read_table(pa.BufferReader(read_file(path, limit=MAX_BINARY_BYTES)), use_threads=False)
+        found = parquet.read_table(
+            pa.BufferReader(read_file(path, limit=MAX_NET_OR_TABLE_FILE_BYTES)), use_threads=False
+        )
     except (OSError, ValueError, pa.ArrowException) as error:
         what = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error
@@ -391,7 +393,9 @@ def _table_from_arrow(arrow_table: pa.Table, path: Path) -> Table:
         is_integer = pa.types.is_integer(column.type)
         is_number = pa.types.is_floating(column.type) or is_integer
         is_count = is_integer and not column.null_count
-        if name in METRICS_TABLE_COLUMNS and (is_number == (name in TEXT_COLUMNS) or (name == "n" and not is_count)):
+        if name in METRICS_TABLE_COLUMNS and (
+            is_number == (name in TEXT_COLUMNS_OF_METRICS_TABLE) or (name == "n" and not is_count)
+        ):
             raise InputError(f"its column {name} does not hold valid values: {column.type}", where=str(path))
         columns[name] = column.to_numpy() if is_number else _texts_of_column(column)
     metadata = {

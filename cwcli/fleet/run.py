@@ -27,7 +27,7 @@ from cwcli.fleet.folder import (
 )
 from cwcli.fleet.index import (
     FOLDERS_WITH_RESULTS,
-    MAX_SHOWN_NAMES,
+    MAX_NAMES_LISTED_IN_ERROR,
     IndexOfEndedLogs,
     is_run_done_and_tables_written,
     manifest_without_logs,
@@ -298,7 +298,7 @@ def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], index: IndexOfEn
         raise UsageError(
             f"the folder holds {len(others)} logs that this run does not name",
             where=str(out),
-            found=tuple(others[:MAX_SHOWN_NAMES]),
+            found=tuple(others[:MAX_NAMES_LISTED_IN_ERROR]),
             hint="name them too, use another folder, or begin afresh with --force",
         )
 

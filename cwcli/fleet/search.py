@@ -18,7 +18,7 @@ from cwcli.text import format_first_names
 
 STDIN_ARGUMENT = "-"
 """Name of standard input."""
-MAX_REASONS_NAMED = 3
+MAX_SEARCH_FAILURE_REASONS_SHOWN = 3
 """Number of reasons that are named where no log could be searched: one that names its file would fill a line a log.
 Chosen by hand."""
 
@@ -85,7 +85,7 @@ def _logs_of_argument(argument: str) -> Iterator[SearchedLog]:
         return
     logs = [SearchedLog(log.id, log.find_annotated_log() or "") for log in run.logs]
     if not any(each.path for each in logs):
-        raise InputError("the run holds no annotated log", where=run.name_of_file(run.path / MANIFEST_NAME))
+        raise InputError("the run holds no annotated log", where=run.path_or_url_of_file(run.path / MANIFEST_NAME))
     yield from logs
 
 
@@ -103,10 +103,10 @@ def _combine_errors_of_all_logs(failed: Sequence[tuple[str, CwcliError]]) -> Cwc
         return usual
     lines = [
         f"{reason}: {format_first_names([name for name, _ in failures_by_reason[reason]])}"
-        for reason in reasons[:MAX_REASONS_NAMED]
+        for reason in reasons[:MAX_SEARCH_FAILURE_REASONS_SHOWN]
     ]
-    if len(reasons) > MAX_REASONS_NAMED:
-        lines.append(f"and {len(reasons) - MAX_REASONS_NAMED} more reasons")
+    if len(reasons) > MAX_SEARCH_FAILURE_REASONS_SHOWN:
+        lines.append(f"and {len(reasons) - MAX_SEARCH_FAILURE_REASONS_SHOWN} more reasons")
     return type(usual)(f"none of the {len(failed)} logs could be searched", found=tuple(lines), hint=usual.hint)
 
 

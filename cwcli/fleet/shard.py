@@ -14,7 +14,7 @@ T = TypeVar("T")
 """The type of what is shared out."""
 MAX_SHARDS = 100_000
 """Greatest number of shards; chosen by hand, above the limits of the schedulers."""
-SHARD_FROM_ENVIRONMENT = "auto"
+WORD_FOR_SHARD_NUMBER_FROM_ENVIRONMENT = "auto"
 """Word for a number that an array job's scheduler sets."""
 FIRST_INDEX_BY_ENVIRONMENT_VARIABLE = {
     "JOB_COMPLETION_INDEX": 0,
@@ -52,7 +52,7 @@ def parse_shard(text: str, environment: Mapping[str, str] = os.environ) -> Shard
     count = int(count_text)
     if not 1 <= count <= MAX_SHARDS:
         raise UsageError(f"--shard {text}: the number of shards is not from 1 to {MAX_SHARDS}", hint=SHARD_FORM_HINT)
-    if index_text == SHARD_FROM_ENVIRONMENT:
+    if index_text == WORD_FOR_SHARD_NUMBER_FROM_ENVIRONMENT:
         index = _index_from_environment(text, environment)
     elif re.fullmatch(r"[0-9]{1,6}", index_text):
         index = int(index_text)

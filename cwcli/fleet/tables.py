@@ -45,13 +45,13 @@ METRICS_TABLE, DETAILS_FOLDER, TABLES_FOLDER = "metrics", "details", "tables"
 """The table of headline metrics, and the folders of the other tables."""
 TABLE_FILE_SUFFIX = ".parquet"
 """Ending of a table's file."""
-VIEWS_NAME = "views.sql"
+SQL_VIEWS_FILE_NAME = "views.sql"
 """Name of the file with the views."""
 PARQUET_MAGIC = b"PAR1"
 """First and last bytes of a Parquet file. Source: the Parquet format."""
-ROWS_PER_GROUP, ROWS_PER_NESTED_GROUP = 65_536, 4_096
+ROWS_PER_ROW_GROUP, ROWS_PER_ROW_GROUP_WITH_LISTS = 65_536, 4_096
 """Rows of a row group, and of one with lists, which are larger. Chosen by hand: a few MB are held for each table."""
-ROWS_PER_READ, BYTES_PER_READ = 1_024, 16_384
+ROWS_PER_READ, BYTES_PER_READ_OF_EACH_COLUMN = 1_024, 16_384
 """Rows read at a time of each table of each shard, and bytes of each column. Chosen by hand: 8 shards hold some MB."""
 LOGS_PER_JOINED_BLOCK = 256
 """Rows of so many logs are joined to one block: each log's piece takes some kB of memory, however few its rows. Chosen
@@ -168,7 +168,7 @@ def _iter_rows_by_log(path: Path) -> Iterator[tuple[str, pa.RecordBatch]]:
     from pyarrow import parquet
 
     try:
-        with parquet.ParquetFile(path, buffer_size=BYTES_PER_READ) as file:
+        with parquet.ParquetFile(path, buffer_size=BYTES_PER_READ_OF_EACH_COLUMN) as file:
             for batch in file.iter_batches(ROWS_PER_READ, use_threads=False):
                 runs = pc.run_end_encode(batch.column(LOG_COLUMN))
                 start = 0
@@ -221,7 +221,7 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
     for name in iter_table_names(out):
         if name not in schemas:
             _remove_table(out, name)
-    with open_output(out / VIEWS_NAME, force=True, durable=False) as output:
+    with open_output(out / SQL_VIEWS_FILE_NAME, force=True, durable=False) as output:
         output.write(duckdb_views_sql(names).encode())
     return names
 
@@ -238,7 +238,7 @@ class _TableWriter:
         path = out / f"{name}{TABLE_FILE_SUFFIX}"
         make_folder(path.parent, parents=True)
         self._own, self._run_id = schema, run_id
-        self._n_rows = ROWS_PER_NESTED_GROUP if has_nested_column(schema) else ROWS_PER_GROUP
+        self._n_rows = ROWS_PER_ROW_GROUP_WITH_LISTS if has_nested_column(schema) else ROWS_PER_ROW_GROUP
         common = {RUN_ID_COLUMN: run_id, SCHEMA_VERSION_COLUMN: str(TABLES_SCHEMA_VERSION)}
         self._schema = pa.schema(
             [

@@ -16,7 +16,7 @@ from cwcli.digest.fleet import DIGEST_ENTRY_KEY, digest_to_entry
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.fleet.folder import (
-    SCORES_KEY,
+    HEADLINE_METRIC_REFERENCES_KEY,
     SCRATCH_FOLDER,
     Document,
     LogOutputs,
@@ -147,7 +147,7 @@ def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogOutputs, entry: 
         outputs.append(folder.annotated_log_path)
     tables = outcome.tables_by_name()
     scores = evaluate_log(annotated, tables=tables)
-    entry[SCORES_KEY] = dict(scores.metadata)
+    entry[HEADLINE_METRIC_REFERENCES_KEY] = dict(scores.metadata)
     write_staged_tables_file_of_log(_iter_all_tables(annotated, scores, tables, plan, entry), folder.staged_tables_path)
     _add_stages_inputs_and_tables_to_entry(outcome, entry)
     stages = [result.stage for result in outcome.results]

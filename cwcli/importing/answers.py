@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import PurePath
 
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
-from cwcli.importing.names import QUANTITIES
+from cwcli.importing.names import COLUMN_WORDS_BY_QUANTITY
 from cwcli.importing.readers.base import Recording
 from cwcli.importing.tables import Answers, SourceTable
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT, find_unit
@@ -60,7 +60,7 @@ def _spell_unit_as_known(quantity: str, column: str, text: str) -> str:
     """
     if not text:
         return ""
-    kind = QUANTITIES[quantity].kind
+    kind = COLUMN_WORDS_BY_QUANTITY[quantity].kind
     if quantity in {"x", "y"} and parse_utm_zone_or_none(text):
         return text.lower()
     units = FACTOR_BY_KIND_AND_UNIT.get(kind, {})

@@ -27,7 +27,7 @@ from cwcli.work_share import part_of_work, report_work_share_to
 
 IMPORT_FUNCTION = "cwcli.importing.bounded_import:import_requested_files_in_own_process"
 """The function that the process runs."""
-MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 400_000_000, 20
+BASE_MEMORY_LIMIT_BYTES, EXTRA_MEMORY_BYTES_PER_INPUT_FILE_BYTE = 400_000_000, 20
 """Memory of the process, and more for each byte of the files: a table is held as columns of numbers. Chosen by hand:
 the libraries and a drive of ten minutes take 150 MB."""
 MAX_MEMORY_BYTES = 900_000_000
@@ -35,7 +35,7 @@ MAX_MEMORY_BYTES = 900_000_000
 EXTRA_MEMORY_BYTES_FOR_VIDEO = 400_000_000
 """Memory more for a video. Chosen by hand: OpenCV reserves 240 MB that it does not use, and a decoder holds 16 pictures
 of 12 MB at 3840 by 2160."""
-OUTPUT_BYTES, OUTPUT_BYTES_PER_BYTE = 100_000_000, 200
+BASE_OUTPUT_LOG_LIMIT_BYTES, EXTRA_OUTPUT_LOG_BYTES_PER_INPUT_FILE_BYTE = 100_000_000, 200
 """Size of the log, and more for each byte of the files: a video becomes images of its frames. Chosen by hand: a second
 of H.265 becomes 30 times its size."""
 MAX_OPEN_FILES = 256
@@ -129,10 +129,14 @@ def import_files(
     n_bytes = sum(map(_bytes_on_disk_or_0, {*files, *answers.dbc, answers.frame_times}))
     name = ", ".join(files)
     has_video = any(load_kind("video").accepts(FileHead(path)) for path in files)
-    memory_bytes = MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * n_bytes + (EXTRA_MEMORY_BYTES_FOR_VIDEO if has_video else 0)
+    memory_bytes = (
+        BASE_MEMORY_LIMIT_BYTES
+        + EXTRA_MEMORY_BYTES_PER_INPUT_FILE_BYTE * n_bytes
+        + (EXTRA_MEMORY_BYTES_FOR_VIDEO if has_video else 0)
+    )
     limits = Limits(
         cpu_limit_for_file_size_s(n_bytes),
-        OUTPUT_BYTES + OUTPUT_BYTES_PER_BYTE * n_bytes,
+        BASE_OUTPUT_LOG_LIMIT_BYTES + EXTRA_OUTPUT_LOG_BYTES_PER_INPUT_FILE_BYTE * n_bytes,
         data_bytes=min(memory_bytes, MAX_MEMORY_BYTES),
         n_files=MAX_OPEN_FILES,
         has_threads=True,

@@ -26,7 +26,7 @@ DECIMAL_COMMA_PATTERN = r"^[+-]?(\d+,\d*|,\d+)([eE][+-]?\d{1,3})?$"
 """A number with a decimal comma."""
 _TIME_NUMBER_PATTERN = r"^(?P<sign>[+-]?)(?P<whole>\d{1,19})(?:[.](?P<part>\d*))?$"
 """A number of time, as sign, whole units and decimals."""
-_HEMISPHERE_PATTERN = r"^(?P<a>[NSEWnsew]?)\s*(?P<number>[+-]?\d+[.]?\d*)\s*°?\s*(?P<b>[NSEWnsew]?)$"
+_COORDINATE_WITH_HEMISPHERE_PATTERN = r"^(?P<a>[NSEWnsew]?)\s*(?P<number>[+-]?\d+[.]?\d*)\s*°?\s*(?P<b>[NSEWnsew]?)$"
 """A latitude or longitude with a hemisphere before or behind it."""
 _DEGREES_MINUTES_PATTERN = (
     r"^(?P<a>[NSEWnsew]?)\s*(?P<sign>-?)(?P<deg>\d{1,3})\s*(?:°|deg|\s)\s*(?P<min>\d{1,2}(?:\.\d*)?)\s*['\x{2032}]?\s*"
@@ -135,7 +135,7 @@ def read_degree_cells_and_count_bad(array: ArrowArray, decimal: str) -> tuple[Fl
     texts = trimmed_texts_or_null(array)
     if decimal == ",":
         texts = pc.replace_substring(texts, ",", ".")
-    parts = pc.extract_regex(texts, _HEMISPHERE_PATTERN)
+    parts = pc.extract_regex(texts, _COORDINATE_WITH_HEMISPHERE_PATTERN)
     number = _arrow_numbers_to_floats(pc.struct_field(parts, "number").cast(pa.float64()))
     half = pc.utf8_upper(pc.binary_join_element_wise(pc.struct_field(parts, "a"), pc.struct_field(parts, "b"), ""))
     names = np.array(half.fill_null("").to_pylist(), dtype=object)

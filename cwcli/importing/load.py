@@ -21,7 +21,7 @@ from cwcli.importing.cells import (
     trimmed_texts_or_null,
     unit_behind_every_number_or_empty,
 )
-from cwcli.importing.names import QUANTITIES, quantities_of_name, split_name
+from cwcli.importing.names import COLUMN_WORDS_BY_QUANTITY, quantities_of_name, split_name
 from cwcli.importing.position_pairs import with_columns_of_position_pairs
 from cwcli.importing.tables import Answers, ColumnsOfRows, Question, SourceTable
 from cwcli.importing.times import (
@@ -39,9 +39,9 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.text import format_count
 
-MIN_ROWS_OF_JOINED_PIECES = 1 << 20
+MIN_ROWS_TO_JOIN_COLUMN_PIECES = 1 << 20
 """Number of rows from which the pieces of a column are joined, so that a file can hold them. Chosen by hand: 8 MiB."""
-EPOCH_WORDS = frozenset(
+COLUMN_NAME_WORDS_OF_TIME_SINCE_1970 = frozenset(
     "time timestamp unix epoch posix stamp utc gentime received created ts s sec ms us ns".split()  # noqa: SIM905
 )
 """Words of which a column of numbers since 1970 has one, beside any others, in a table that names no time."""
@@ -49,7 +49,7 @@ PART_OF_SECOND_BY_UNIT = {"ms": "millisecond", "us": "microsecond", "ns": "nanos
 """Unit of a column of parts of a second -> its quantity."""
 MAX_NON_NUMBER_CELL_SHARE = 0.05
 """Largest share of cells without a number in a column of numbers; a column with more is none. Chosen by hand."""
-SENTINELS = frozenset(
+SENTINEL_NUMBERS_FOR_MISSING_VALUES = frozenset(
     {-99.0, -32768.0, -2147483648.0, *(sign * (10.0**n - 1.0) for n in range(3, 8) for sign in (-1, 1))}
 )
 """Numbers that loggers write where nothing was measured: nines, and the least numbers of 16 and 32 bits."""
@@ -90,7 +90,7 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
     """Return the columns that can be each quantity: what the user or the format says, else by their names."""
     found: dict[str, list[str]] = {}
     quantity_of_column: dict[str, str] = {}
-    for quantity in QUANTITIES:
+    for quantity in COLUMN_WORDS_BY_QUANTITY:
         column_and_unit = answers.column_and_unit_for(table, quantity)
         if column_and_unit is not None:
             if column_and_unit[0] and column_and_unit[0] not in table.columns:
@@ -109,7 +109,7 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
         preset = table.presets.get(column)
         names = [preset.quantity] if preset is not None else quantities_of_name(column)
         for quantity in names:
-            if quantity in QUANTITIES and answers.column_and_unit_for(table, quantity) is None:
+            if quantity in COLUMN_WORDS_BY_QUANTITY and answers.column_and_unit_for(table, quantity) is None:
                 found.setdefault(quantity, []).append(column)
     for quantity, columns in found.items():  # what the format fixes leaves no other candidate
         fixed = [column for column in columns if column in table.presets]
@@ -239,7 +239,10 @@ def _epoch_columns_as_times_by_quantity(table: SourceTable) -> dict[str, list[st
     found = []
     for column, array in batch.items():
         words = split_name(column).words
-        if quantities_of_name(column) or not EPOCH_WORDS & {*words, *column.lower().replace("_", " ").split()}:
+        if quantities_of_name(column) or not COLUMN_NAME_WORDS_OF_TIME_SINCE_1970 & {
+            *words,
+            *column.lower().replace("_", " ").split(),
+        }:
             continue
         instants = Instants(*read_whole_units_fraction_and_validity(array, "."))
         if instants.valid.mean() > 0.5 and is_since_1970(instants):
@@ -259,7 +262,7 @@ def _turn_digit_numbers_into_clock_times(loaded: LoadedTable) -> None:
 
 
 def _reading_method_of_column(array: ArrowArray, quantities: list[str]) -> str:
-    if any(QUANTITIES[quantity].kind == "text" for quantity in quantities) and "date" not in quantities:
+    if any(COLUMN_WORDS_BY_QUANTITY[quantity].kind == "text" for quantity in quantities) and "date" not in quantities:
         return "texts"
     if quantities[0] in {"time", "date"}:
         if is_text_column(array) and parse_text_times(array) is not None:
@@ -302,11 +305,11 @@ def _join_last_pieces(pieces: list[Any], reading_method: str) -> None:
     """
     n_last = 0
     for piece in reversed(pieces):
-        if _n_rows_of_piece(piece) >= MIN_ROWS_OF_JOINED_PIECES:
+        if _n_rows_of_piece(piece) >= MIN_ROWS_TO_JOIN_COLUMN_PIECES:
             break
         n_last += 1
     last = pieces[len(pieces) - n_last :]
-    if reading_method == "texts" or sum(map(_n_rows_of_piece, last)) < MIN_ROWS_OF_JOINED_PIECES:
+    if reading_method == "texts" or sum(map(_n_rows_of_piece, last)) < MIN_ROWS_TO_JOIN_COLUMN_PIECES:
         return
     pieces[len(pieces) - n_last :] = [_joined_pieces(last, reading_method)]
 
@@ -348,12 +351,12 @@ def _store_finished_column(loaded: LoadedTable, column: str, reading_method: str
 def _remove_sentinels(values: FloatArray) -> tuple[int, float]:
     """Replace an extreme value that stands for none by NaN, in place; return how many there were, and the value.
 
-    It is one of `SENTINELS`, and farther from all other values than these are from each other.
+    It is one of `SENTINEL_NUMBERS_FOR_MISSING_VALUES`, and farther from all other values than these from each other.
     """
     n_removed, removed = 0, 0.0
     for find_extreme in (np.fmin, np.fmax):
         sentinel = float(find_extreme.reduce(values)) if len(values) else 0.0
-        if sentinel not in SENTINELS:
+        if sentinel not in SENTINEL_NUMBERS_FOR_MISSING_VALUES:
             continue
         is_one = values == sentinel
         others = values[~is_one & np.isfinite(values)]

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
-from cwcli.importing.names import QUANTITIES
+from cwcli.importing.names import COLUMN_WORDS_BY_QUANTITY
 from cwcli.importing.tables import Answers, Guess
 from cwcli.input import read_file
 from cwcli.toml_text import MAX_TOML_FILE_CHARS, parse_toml
@@ -28,7 +28,7 @@ MAPPING_FILE_FIRST_LINE = (
     "# How these files were read. Edit it and give it again: cwcli import FILES -o LOG --mapping THIS\n"
 )
 """First line of a mapping file."""
-VALUES_BY_ANSWER = {"date_order": ("dmy", "mdy", "ymd"), "decimal": (".", ",")}
+ALLOWED_VALUES_BY_ANSWER = {"date_order": ("dmy", "mdy", "ymd"), "decimal": (".", ",")}
 """Answer -> all its values, where they are few."""
 _TEXT_ANSWER_NAMES = tuple(field.name for field in fields(Answers) if field.name not in {"columns", "dbc"})
 
@@ -43,10 +43,10 @@ def parse_table_quantity_and_column_unit(text: str) -> tuple[tuple[str, str], tu
     quantity, _, table = name.partition("@")
     if not equals:
         raise UsageError(f"--column {text}: expected QUANTITY=COLUMN, or QUANTITY=COLUMN*UNIT")
-    if quantity not in QUANTITIES:
+    if quantity not in COLUMN_WORDS_BY_QUANTITY:
         raise UsageError(
             f"--column {text}: there is no quantity {quantity!r}",
-            hint=hint_at_closest_or_all_known_names(quantity, QUANTITIES),
+            hint=hint_at_closest_or_all_known_names(quantity, COLUMN_WORDS_BY_QUANTITY),
         )
     return (table, quantity), split_at_unit_star(value)
 
@@ -78,8 +78,14 @@ def read_mapping(path: str) -> Answers:
     for key, value in answers.items():
         if key == "dbc" and isinstance(value, list):
             values["dbc"] = tuple(str(each) for each in value)
-        elif key in _TEXT_ANSWER_NAMES and isinstance(value, str) and value not in VALUES_BY_ANSWER.get(key, (value,)):
-            raise UsageError(f"answers.{key}: {value!r} is none of {', '.join(VALUES_BY_ANSWER[key])}", where=path)
+        elif (
+            key in _TEXT_ANSWER_NAMES
+            and isinstance(value, str)
+            and value not in ALLOWED_VALUES_BY_ANSWER.get(key, (value,))
+        ):
+            raise UsageError(
+                f"answers.{key}: {value!r} is none of {', '.join(ALLOWED_VALUES_BY_ANSWER[key])}", where=path
+            )
         elif key in _TEXT_ANSWER_NAMES and isinstance(value, str):
             values[key] = value
         else:
@@ -103,11 +109,11 @@ def _parse_columns_to_column_and_unit(table: Any, path: str) -> dict[tuple[str, 
             continue
         if not isinstance(value, str):
             raise UsageError(f"{table['name']}: {key} is not of the form COLUMN or COLUMN*UNIT", where=path)
-        if key not in QUANTITIES:
+        if key not in COLUMN_WORDS_BY_QUANTITY:
             raise UsageError(
                 f"{table['name']}: there is no quantity {key!r}",
                 where=path,
-                hint=hint_at_closest_or_all_known_names(key, QUANTITIES),
+                hint=hint_at_closest_or_all_known_names(key, COLUMN_WORDS_BY_QUANTITY),
             )
         found[table["name"], key] = split_at_unit_star(value)
     return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.importing.load import LoadedTable
 from cwcli.importing.motion import TrackSpans
-from cwcli.importing.names import QUANTITIES, split_name, unit_of_name
+from cwcli.importing.names import COLUMN_WORDS_BY_QUANTITY, split_name, unit_of_name
 from cwcli.importing.tables import Answers, Guess, Question, UnitChoice
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT, find_unit
 from cwcli.lazy_dataclass import dataclass
@@ -96,7 +96,7 @@ class Meaning:
         if _do_columns_hold_same_values(*numbers, MAX_RELATIVE_DIFFERENCE_OF_EQUAL_COLUMNS):
             return True
         units = [self.stated_unit(quantity, column).unit for column in (first, second)]
-        factors = FACTOR_BY_KIND_AND_UNIT.get(QUANTITIES[quantity].kind, {})
+        factors = FACTOR_BY_KIND_AND_UNIT.get(COLUMN_WORDS_BY_QUANTITY[quantity].kind, {})
         if units[0] == units[1] or not all(unit in factors for unit in units):
             return False
         scaled = [values * factors[unit] for values, unit in zip(numbers, units, strict=True)]
@@ -104,7 +104,7 @@ class Meaning:
 
     def stated_unit(self, quantity: str, column: str) -> UnitChoice:
         """Return the unit of a column that the user, the format or the header states; "" where nothing does."""
-        kind, said = QUANTITIES[quantity].kind, "the header says it"
+        kind, said = COLUMN_WORDS_BY_QUANTITY[quantity].kind, "the header says it"
         column_and_unit = self.answers.column_and_unit_for(self.table.source, quantity)
         if column_and_unit is not None and column_and_unit[0] == column:
             unit = (
@@ -126,7 +126,7 @@ class Meaning:
 
     def add_scaled_quantity(self, quantity: str, column: str, choice: UnitChoice) -> None:
         """Add a quantity whose unit is a factor."""
-        factor = FACTOR_BY_KIND_AND_UNIT[QUANTITIES[quantity].kind][choice.unit]
+        factor = FACTOR_BY_KIND_AND_UNIT[COLUMN_WORDS_BY_QUANTITY[quantity].kind][choice.unit]
         values = self.numbers_in_file_unit(column) if factor == 1.0 else self.numbers_in_file_unit(column) * factor
         self.add_quantity(quantity, values, Guess(quantity, column, *choice))
 

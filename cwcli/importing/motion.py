@@ -21,7 +21,7 @@ MIN_TRACK_LENGTH_TO_SHOW_UNITS_M = 100.0
 """Least length in m of a track that can show the unit of a speed or the sense of a heading. Chosen by hand."""
 MIN_SPEED_FOR_COURSE_MPS = 2.0
 """Least speed in m/s at which the direction between two positions is used: walking pace. Chosen by hand."""
-SPEED_RATIO_LOG_TOLERANCE = 0.06
+MAX_LOG_DEVIATION_OF_SPEED_RATIO_FROM_UNIT_RATIO = 0.06
 """Largest deviation of the natural logarithm of a ratio of two speeds from that of a unit; mph and knots differ by
 0.14."""
 

@@ -53,7 +53,7 @@ _WORDS_BESIDE_IMU = (
     "force user"
 )
 
-QUANTITIES: dict[str, Quantity] = {
+COLUMN_WORDS_BY_QUANTITY: dict[str, Quantity] = {
     "time": _quantity_from_words(
         "time",
         (
@@ -155,7 +155,7 @@ QUANTITIES: dict[str, Quantity] = {
 """Name of a quantity -> what a column of it can be called, and the kind of its unit."""
 
 _AXIS_WORDS = {"x": "x", "y": "y", "z": "z", "longitudinal": "x", "lateral": "y", "vertical": "z"}
-_PAIRS_BY_WORD = {
+_WORD_PAIRS_BY_SINGLE_WORD = {
     "yawrate": "yaw rate, yaw velocity, yaw rt",
     "steeringwheel": "steering wheel",
     "gyro": "rotation rate, angular velocity, angular rate, ang vel, ang rate",
@@ -184,9 +184,11 @@ _PAIRS_BY_WORD = {
     "gfz": "g fz",
 }
 """One word -> the pairs of words that mean it."""
-_WORD_OF_WORD_PAIR = {tuple(pair.split()): word for word, pairs in _PAIRS_BY_WORD.items() for pair in pairs.split(", ")}
+_SINGLE_WORD_BY_WORD_PAIR = {
+    tuple(pair.split()): word for word, pairs in _WORD_PAIRS_BY_SINGLE_WORD.items() for pair in pairs.split(", ")
+}
 """Two words that mean one."""
-_PATH_WORDS = frozenset(
+_TOPIC_FOLDER_WORDS_TO_IGNORE = frozenset(
     {
         "report",
         "status",
@@ -206,7 +208,7 @@ _PATH_WORDS = frozenset(
 """Words of the folders of a topic (`/vehicle/velocity_report/speed`) that say nothing against its last name."""
 _WORDS_BEHIND_UNIT_OF_TIME = frozenset({"today", "since", "boot", "start", "elapsed", "midnight", "uptime"})
 """Words behind a unit of time that make a name one of a time: `ms_today`, `us since boot`."""
-_SPEED_NAMES = frozenset({"mph", "kmh", "kph", "kmph", "knots", "kts"})
+_UNITS_THAT_ALONE_NAME_A_SPEED_COLUMN = frozenset({"mph", "kmh", "kph", "kmph", "knots", "kts"})
 """Units that are the whole name of a column of speeds."""
 MAX_READ_COLUMN_NAME_CHARACTERS = 500
 """Number of characters of a column's name that are looked at. Chosen by hand: paths of topics have 100."""
@@ -265,8 +267,8 @@ def split_name(name: str) -> NamedColumn:
     joined: list[str] = []
     for word in [part for each in words for part in _word_without_number_at_end(each)]:
         pair = (joined[-1], word) if joined else ("", "")
-        if pair in _WORD_OF_WORD_PAIR:
-            joined[-1] = _WORD_OF_WORD_PAIR[pair]
+        if pair in _SINGLE_WORD_BY_WORD_PAIR:
+            joined[-1] = _SINGLE_WORD_BY_WORD_PAIR[pair]
         else:
             joined.append(word)
     return NamedColumn(tuple(word for word in joined if word), unit)
@@ -294,7 +296,7 @@ def _split_words_and_unit(words: list[str]) -> tuple[list[str], str]:
 
 def quantities_of_name(name: str) -> list[str]:
     """Return the quantities that a column can be by its name."""
-    if name.strip().lower() in _SPEED_NAMES:
+    if name.strip().lower() in _UNITS_THAT_ALONE_NAME_A_SPEED_COLUMN:
         return ["speed"]
     message, _, signal = name.rpartition("::")
     if message:  # CAN signals, whose names repeat those of their messages and senders: `ESP_21::ESP_v_Signal`
@@ -307,24 +309,24 @@ def quantities_of_name(name: str) -> list[str]:
         found = _quantities_of_words(tuple("course" if word == "track" else word for word in named.words))
     if not found and name.startswith("/"):
         folders, _, last = name.rpartition("/")
-        folder_words = [word for word in split_name(folders).words if word not in _PATH_WORDS]
+        folder_words = [word for word in split_name(folders).words if word not in _TOPIC_FOLDER_WORDS_TO_IGNORE]
         found = _quantities_of_words((*folder_words, *split_name(last).words))
     return found
 
 
 def _quantities_of_words(words: tuple[str, ...]) -> list[str]:
-    return [quantity for quantity in QUANTITIES if _do_words_name_quantity(words, quantity)]
+    return [quantity for quantity in COLUMN_WORDS_BY_QUANTITY if _do_words_name_quantity(words, quantity)]
 
 
 def unit_of_name(name: str, kind: str) -> str:
     """Return the unit of a kind that a column's name states, or ""."""
     return find_unit(split_name(name).unit_text, kind) or (
-        find_unit(name, kind) if name.lower() in _SPEED_NAMES else ""
+        find_unit(name, kind) if name.lower() in _UNITS_THAT_ALONE_NAME_A_SPEED_COLUMN else ""
     )
 
 
 def _do_words_name_quantity(words: tuple[str, ...], quantity: str) -> bool:
-    quantity_words = QUANTITIES[quantity]
+    quantity_words = COLUMN_WORDS_BY_QUANTITY[quantity]
     axis = quantity[-1] if quantity.startswith(("accel_", "gyro_")) else ""
     if axis:
         axes = [_AXIS_WORDS[word] for word in words if word in _AXIS_WORDS]

@@ -26,7 +26,7 @@ MAX_ROAD_LATITUDE_DEG = 75.0
 """Greatest size of the latitude of a road. The northernmost, at the North Cape, lies at 71."""
 MAX_DEGREES_THAT_MAY_BE_RADIANS = 3.15
 """Size of latitudes and longitudes, degrees, below which they may be radians: a little more than pi."""
-MAX_PATH_LENGTH_RATIO_OF_JITTER = 1.5
+MAX_PATH_LENGTH_RATIO_OF_ROW_STEPS_TO_SECOND_STEPS = 1.5
 """Largest ratio of the path length from row to row to that from second to second at which x and y are those of a car.
 Chosen by hand."""
 MAX_ROAD_ALTITUDE_M = 9000.0
@@ -382,7 +382,9 @@ def _may_be_vectors_not_path(meaning: Meaning, x_column: str, y_column: str) -> 
     if track is None or not track.can_show_units_and_directions:
         return True
     steps = np.hypot(np.diff(meaning.values["x"]), np.diff(meaning.values["y"]))
-    return float(np.nansum(steps)) > MAX_PATH_LENGTH_RATIO_OF_JITTER * float(track.span_lengths_m.sum())
+    return float(np.nansum(steps)) > MAX_PATH_LENGTH_RATIO_OF_ROW_STEPS_TO_SECOND_STEPS * float(
+        track.span_lengths_m.sum()
+    )
 
 
 def ask_if_latitude_longitude_swapped(meaning: Meaning, course_deg: FloatArray) -> None:

@@ -33,7 +33,7 @@ WORDS_OF_POSITION_PAIR_COLUMN = frozenset(
     "coordinates coordinate coords position location latlng latlon latlong gps geo point where".split()  # noqa: SIM905
 )
 """Words of a column's name of which one must be there for two bare numbers to be a place."""
-MIN_PAIR_SHARE = 0.95
+MIN_CELL_SHARE_HOLDING_POSITION_PAIRS = 0.95
 """Least share of the first cells with a text that must be pairs. Chosen by hand."""
 
 
@@ -58,7 +58,7 @@ def _pattern_of_pairs(column: str, array: Any) -> tuple[str, str] | None:
         if why == BARE_PAIR_REASON and not WORDS_OF_POSITION_PAIR_COLUMN & set(split_name(column).words):
             continue
         n_found = int(pc.sum(pc.match_substring_regex(texts, pattern)).as_py() or 0)
-        if n_found and n_found >= MIN_PAIR_SHARE * len(texts):
+        if n_found and n_found >= MIN_CELL_SHARE_HOLDING_POSITION_PAIRS * len(texts):
             return why, pattern
     return None
 

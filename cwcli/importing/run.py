@@ -22,7 +22,7 @@ from cwcli.importing.load import load_table
 from cwcli.importing.mapping import format_mapping
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import TrackSpans
-from cwcli.importing.names import QUANTITIES
+from cwcli.importing.names import COLUMN_WORDS_BY_QUANTITY
 from cwcli.importing.places import find_positions_and_track, keep_rows_of_one_vehicle
 from cwcli.importing.poses import rotate_poses_into_car_axes
 from cwcli.importing.readers import find_kind_name, load_kind
@@ -39,7 +39,7 @@ from cwcli.signals.columns import OutputChannel
 METADATA_NAME = "cwcli.import"
 """Name of the metadata record that says how the files were read."""
 
-QUANTITIES_OF_TOPIC = {
+REQUIRED_QUANTITIES_BY_TOPIC = {
     FIX_TOPIC: ("latitude", "longitude"),
     POSE_TOPIC: ("x", "y"),
     VELOCITY_TOPIC: ("course",),
@@ -172,7 +172,7 @@ def _no_quantity_error(where: str, tables: Sequence[SourceTable]) -> MissingSign
         "no column is a position, a speed, a heading or an inertial measurement",
         where=where,
         found=tuple(column for table in tables for column in table.columns)[:40],
-        hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(QUANTITIES)}",
+        hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(COLUMN_WORDS_BY_QUANTITY)}",
     )
 
 
@@ -180,7 +180,7 @@ def _has_candidate_of_quantity(candidates: Mapping[str, Sequence[str]]) -> bool:
     return any(
         name
         for name in candidates
-        if QUANTITIES[name].kind not in {"time", "text", "number"} and name not in {"altitude", "z"}
+        if COLUMN_WORDS_BY_QUANTITY[name].kind not in {"time", "text", "number"} and name not in {"altitude", "z"}
     )
 
 
@@ -250,7 +250,7 @@ def _raise_question_about_repeated_quantities(channels: Sequence[tuple[str, Outp
     for table, channel in channels:
         other = first.setdefault(channel.topic, table)
         if other != table:
-            quantities = QUANTITIES_OF_TOPIC[channel.topic]
+            quantities = REQUIRED_QUANTITIES_BY_TOPIC[channel.topic]
             choices = " or ".join(
                 " ".join(f"--column '{quantity}@{name}='" for quantity in quantities) for name in (other, table)
             )

@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.importing.meaning import Meaning
 from cwcli.importing.motion import (
-    SPEED_RATIO_LOG_TOLERANCE,
+    MAX_LOG_DEVIATION_OF_SPEED_RATIO_FROM_UNIT_RATIO,
     TrackSpans,
     heading_minus_course_of_moving_spans_rad,
     spans_of_geographic_places,
@@ -16,7 +16,7 @@ from cwcli.importing.motion import (
     speed_units_per_mps,
     turn_rate_units_per_radps_and_correlation,
 )
-from cwcli.importing.names import QUANTITIES
+from cwcli.importing.names import COLUMN_WORDS_BY_QUANTITY
 from cwcli.importing.places import ask_if_latitude_longitude_swapped, swapped_course_error_deg
 from cwcli.importing.tables import Guess, UnitChoice
 from cwcli.importing.units import FACTOR_BY_KIND_AND_UNIT
@@ -24,7 +24,7 @@ from cwcli.signals.columns import FloatArray
 
 CANDIDATE_SPEED_UNITS = ("mps", "kmh", "mph", "knots", "cmps", "mmps")
 """Units that a speed without one can have."""
-MAX_LOG_RATIO_OF_STATED_SPEED = 0.25
+MAX_LOG_RATIO_OF_STATED_SPEED_TO_SPEED_OVER_GROUND = 0.25
 """Largest natural logarithm of the ratio of a speed in its stated unit to the speed over ground, above which is asked.
 Chosen by hand."""
 MIN_SPEED_RATIO_SPREAD_OF_SWAPPED_POSITIONS, MAX_SPREAD_SHARE_AFTER_SWAP = 0.02, 0.4
@@ -39,15 +39,21 @@ second it does not. Chosen by hand."""
 MAX_UNASKED_HEADING_OFFSET_DEG = 5.0
 """Greatest angle in degrees by which a heading may lie on one side of the direction of motion all the time. Chosen by
 hand: compasses and courses of receivers are as good, and the declination of most of Europe is less."""
-MAX_OFFSET_SCATTER_SHARE = 1.0 / 3.0
+MAX_SCATTER_SHARE_OF_CONSTANT_HEADING_OFFSET = 1.0 / 3.0
 """Largest scatter of that angle, as a share of it, at which it is the same all the time. Chosen by hand; not fitted."""
 MAX_MISFIT_DIFFERENCE_OF_EQUAL_SENSES_DEG = 3.0
 """Largest difference in degrees of the median angles of two senses that fit equally well. Chosen by hand."""
 MIN_CORRELATION_TO_SHOW_YAW_RATE_SENSE = 0.5
 """Least correlation with the turning of the course that shows the sense of a yaw rate. Chosen by hand; not fitted."""
-COMPASS_WORDS = QUANTITIES["course"].nouns | {"heading", "hdg", "azimuth", "compass", "headveh"}
+NAME_WORDS_OF_ANGLES_CLOCKWISE_FROM_NORTH = COLUMN_WORDS_BY_QUANTITY["course"].nouns | {
+    "heading",
+    "hdg",
+    "azimuth",
+    "compass",
+    "headveh",
+}
 """Words of angles that are clockwise from north by convention, unlike a yaw."""
-MIN_ADVANTAGE_OVER_SWAPPED_POSITIONS_DEG = 2.0
+MIN_HEADING_FIT_ADVANTAGE_OVER_SWAPPED_POSITIONS_DEG = 2.0
 """Least advantage in degrees with which a sense of a heading must fit better than swapped latitude and longitude.
 Chosen by hand."""
 
@@ -114,12 +120,15 @@ def _choose_speed_unit_or_ask(
     fitting = [
         each
         for each in CANDIDATE_SPEED_UNITS
-        if ratio > 0 and abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["speed"][each])) < SPEED_RATIO_LOG_TOLERANCE
+        if ratio > 0
+        and abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["speed"][each]))
+        < MAX_LOG_DEVIATION_OF_SPEED_RATIO_FROM_UNIT_RATIO
     ]
     if unit:
         if (
             ratio > 0
-            and abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["speed"][unit])) > MAX_LOG_RATIO_OF_STATED_SPEED
+            and abs(math.log(ratio * FACTOR_BY_KIND_AND_UNIT["speed"][unit]))
+            > MAX_LOG_RATIO_OF_STATED_SPEED_TO_SPEED_OVER_GROUND
             and confidence != "given"
         ):
             what = f"{column!r}: the header says {unit}, but the way between the positions says "
@@ -219,7 +228,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
     options = [f"{u}-{s}" for u in units for s in senses]
     default = f"{units[0]}-cw-north" if len(units) == 1 else ""
     words = set(meaning.words_of_column(column))
-    if not sense and not words & COMPASS_WORDS:
+    if not sense and not words & NAME_WORDS_OF_ANGLES_CLOCKWISE_FROM_NORTH:
         default = ""
     fits = (
         {}
@@ -267,7 +276,11 @@ def _leave_out_unfit_heading_or_ask(
     meaning: Meaning, quantity: str, column: str, options: list[str], *, fits_none: bool
 ) -> None:
     """Ask about an angle of unknown unit or sense; a yaw that fits none, beside a course, is left out."""
-    if fits_none and "course" in meaning.values and not set(meaning.words_of_column(column)) & COMPASS_WORDS:
+    if (
+        fits_none
+        and "course" in meaning.values
+        and not set(meaning.words_of_column(column)) & NAME_WORDS_OF_ANGLES_CLOCKWISE_FROM_NORTH
+    ):
         meaning.notes.append(f"{column!r} is left out: it fits no usual sense of a {quantity}, and there is a course")
         return
     what = (
@@ -299,7 +312,9 @@ def _add_question_if_heading_beside_way(
     errors_deg = np.degrees(heading_minus_course_of_moving_spans_rad(track, meaning.stamp_ns, heading_rad))
     offset_deg = float(np.median(errors_deg))
     scatter_deg = float(np.median(np.abs(errors_deg - offset_deg)))
-    if abs(offset_deg) < MAX_UNASKED_HEADING_OFFSET_DEG or scatter_deg > MAX_OFFSET_SCATTER_SHARE * abs(offset_deg):
+    if abs(
+        offset_deg
+    ) < MAX_UNASKED_HEADING_OFFSET_DEG or scatter_deg > MAX_SCATTER_SHARE_OF_CONSTANT_HEADING_OFFSET * abs(offset_deg):
         return False
     meaning.add_question(
         f"{column!r} points {abs(offset_deg):.0f} degrees {'left' if offset_deg > 0.0 else 'right'} of the way between "
@@ -314,7 +329,7 @@ def _add_question_if_swap_fits_as_well(meaning: Meaning, quantity: str, column: 
     if "latitude" not in meaning.values:
         return False
     swapped_deg = swapped_course_error_deg(meaning, meaning.numbers_in_file_unit(column))
-    if not swapped_deg < fit_deg + MIN_ADVANTAGE_OVER_SWAPPED_POSITIONS_DEG:
+    if not swapped_deg < fit_deg + MIN_HEADING_FIT_ADVANTAGE_OVER_SWAPPED_POSITIONS_DEG:
         return False
     columns = [meaning.chosen[name] for name in ("latitude", "longitude")]
     meaning.add_question(

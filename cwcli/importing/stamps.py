@@ -38,7 +38,7 @@ from cwcli.text import format_count
 
 MAX_DIFFERENCE_CHANGE_OF_SAME_CLOCK_S = 0.1
 """Largest change in s of the difference of two columns of time that count as the same clock. Chosen by hand."""
-HALF_DAY_S, MAX_DIFFERENCE_OF_HALF_A_DAY_S = 43_200, 60
+HALF_DAY_S, MAX_DEVIATION_OF_CLOCK_OFFSET_FROM_HALF_DAY_S = 43_200, 60
 """Half a day in s, and the difference from it below which two clocks may be of 12 and of 24 hours. Chosen by hand."""
 MAX_SHARE_OF_ROWS_BACK_IN_TIME = 0.2
 """Largest share of rows that are earlier than the row before; they are sorted, and more is an error. Chosen by hand."""
@@ -50,7 +50,7 @@ hand."""
 MAX_LATENESS_OF_WRITTEN_ROWS_S = 5.0
 """Greatest time in s by which rows may be written late; later ones among the others are a second recording. Chosen by
 hand: buffers of sensors hold less."""
-MAX_PART_CHANGES_PER_STEP_BACK = 4
+MAX_FILE_PART_SWITCHES_PER_STEP_BACK_IN_TIME = 4
 """Largest number of changes between the parts of a file, in time order, for each step back in time: a late row, or
 block, makes three."""
 MAX_GPS_WEEK = 11_000
@@ -61,9 +61,9 @@ WORDS_OF_TIME_SINCE_1970 = frozenset(
 """Words in a column's name that say that its seconds count from 1970, not from the GPS epoch."""
 DATE_PART_QUANTITIES = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
-NS_BY_SECOND_PART_QUANTITY = {"millisecond": 1_000_000, "microsecond": 1000, "nanosecond": 1}
+NS_BY_FRACTION_OF_SECOND_QUANTITY = {"millisecond": 1_000_000, "microsecond": 1000, "nanosecond": 1}
 """Quantity of a column of parts of a second beside them -> its unit in ns."""
-DATE_ORDER_REASONS = {"ymd": "", "dmy": "day before month", "mdy": "month before day"}
+DESCRIPTION_BY_DATE_ORDER = {"ymd": "", "dmy": "day before month", "mdy": "month before day"}
 """Order of a date -> what is said about it."""
 TIME_MEANINGS_BY_USEFULNESS = (
     "1970",
@@ -269,7 +269,7 @@ def _date_order_and_reason(times: TextTimes, answers: Answers) -> tuple[str, str
     if answers.date_order in orders or (answers.date_order and not orders):
         return answers.date_order, "order as you said"
     if len(orders) == 1 and not answers.date_order:
-        return orders[0], DATE_ORDER_REASONS[orders[0]]
+        return orders[0], DESCRIPTION_BY_DATE_ORDER[orders[0]]
     if len(orders) > 1 and not answers.date_order:
         next_days = [order for order in orders if is_each_date_next_day(times, order)]
         if len(next_days) == 1:
@@ -307,7 +307,7 @@ def _date_column_with_clock_column_candidate(
 
 def _with_parts_of_second(table: LoadedTable, clock: TextTimes) -> TextTimes:
     """Return times of day in whole seconds with the milliseconds or nanoseconds of another column, if there is one."""
-    for part, unit_ns in NS_BY_SECOND_PART_QUANTITY.items():
+    for part, unit_ns in NS_BY_FRACTION_OF_SECOND_QUANTITY.items():
         for name in table.candidates.get(part, ()):
             ns = np.rint(np.nan_to_num(table.numbers.get(name, np.full(len(clock.valid), np.nan))) * unit_ns)
             if not (clock.ns_of_day % NS_PER_S).any() and ns.any() and ((ns >= 0) & (ns < NS_PER_S)).all():
@@ -336,7 +336,7 @@ def _date_parts_candidate(table: LoadedTable, answers: Answers) -> TimeCandidate
     whole = np.where(valid[:, np.newaxis], parts, 0.0)
     seconds_of_day = (whole[:, 3] * 60.0 + whole[:, 4]) * 60.0
     ns_of_day = (seconds_of_day.astype(np.int64) * NS_PER_S) + np.rint(whole[:, 5] * NS_PER_S).astype(np.int64)
-    for part, unit_ns in NS_BY_SECOND_PART_QUANTITY.items():
+    for part, unit_ns in NS_BY_FRACTION_OF_SECOND_QUANTITY.items():
         name = next((each for each in table.candidates.get(part, ()) if each in numbers), None)
         if name is not None and not (whole[:, 5] % 1.0).any():
             ns_of_day += np.rint(np.nan_to_num(numbers[name]) * unit_ns).astype(np.int64)
@@ -455,7 +455,7 @@ def _with_part_of_second_of_other_column(
     table: LoadedTable, stamp_ns: Int64Array, guess: Guess
 ) -> tuple[Int64Array, Guess]:
     """Return stamps of whole seconds with a column of parts of a second, if they then advance from row to row."""
-    for part, unit_ns in NS_BY_SECOND_PART_QUANTITY.items():
+    for part, unit_ns in NS_BY_FRACTION_OF_SECOND_QUANTITY.items():
         for name in table.candidates.get(part, ()):
             ns = np.rint(np.nan_to_num(table.numbers.get(name, np.zeros(0))) * unit_ns)
             if not ns.any() or ns.min() < 0 or ns.max() >= NS_PER_S:
@@ -491,7 +491,7 @@ def _are_half_a_day_apart(first: TimeCandidate, second: TimeCandidate) -> bool:
     if not both.any():
         return False
     apart_s = abs(float(np.median(first.stamp_ns[both] - second.stamp_ns[both]))) / NS_PER_S
-    return abs(apart_s - HALF_DAY_S) < MAX_DIFFERENCE_OF_HALF_A_DAY_S
+    return abs(apart_s - HALF_DAY_S) < MAX_DEVIATION_OF_CLOCK_OFFSET_FROM_HALF_DAY_S
 
 
 def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidate) -> Meaning:
@@ -574,7 +574,7 @@ def require_rows_of_one_recording(meaning: Meaning) -> None:
     n_changes = np.count_nonzero(np.diff(part[by_time]))
     if (
         -steps.min() < MAX_LATENESS_OF_WRITTEN_ROWS_S * NS_PER_S
-        or n_changes <= MAX_PART_CHANGES_PER_STEP_BACK * part[-1]
+        or n_changes <= MAX_FILE_PART_SWITCHES_PER_STEP_BACK_IN_TIME * part[-1]
     ):
         return
     first = int(rows[int(np.argmin(steps)) + 1])

@@ -19,7 +19,7 @@ class Preset:
     """What a format fixes about a column.
 
     Attributes:
-        quantity: A name of `cwcli.importing.names.QUANTITIES`.
+        quantity: A name of `cwcli.importing.names.COLUMN_WORDS_BY_QUANTITY`.
         unit: Its unit, as `cwcli.importing.units` spells it.
     """
 
@@ -155,7 +155,7 @@ class Guess:
     """The meaning of a column.
 
     Attributes:
-        quantity: A name of `cwcli.importing.names.QUANTITIES`.
+        quantity: A name of `cwcli.importing.names.COLUMN_WORDS_BY_QUANTITY`.
         column: The column.
         unit: Its unit.
         confidence: `given` by the user, `certain` (the format or the header says it), `likely` (the values say it) or

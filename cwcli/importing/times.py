@@ -77,21 +77,21 @@ AMBIGUOUS_ZONE_ABBREVIATION_PATTERN = (
 )
 """Short names of zones: no certain offsets (CST is used in America and China), so that the zone is a question."""
 MONTH_NAME_BEGINNINGS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-MONTH_PATTERN = rf"(?i)\b({'|'.join(MONTH_NAME_BEGINNINGS)})[a-z]*\b"
+MONTH_NAME_PATTERN = rf"(?i)\b({'|'.join(MONTH_NAME_BEGINNINGS)})[a-z]*\b"
 """The name of a month."""
-LONG_DATE_ORDERS = (
+MONTH_NAME_DATE_PATTERNS_AND_YEAR_FIRST_REWRITES = (
     (r"^[A-Za-z]{3,9}, ", ""),
     (r"^([A-Za-z]{3,9})\.? (\d{1,2}),? (\d{4})", r"\3-\1-\2"),
     (r"^(\d{1,2})\.? ([A-Za-z]{3,9})\.?,? (\d{4})", r"\3-\2-\1"),
 )
 """Dates with the name of a month (`Tue, 14 Nov 2023`, `November 14, 2023`) and their order as year, month, day."""
-SHORT_DATE_PATTERN = r"^(?P<a>\d{2})(?P<b>\d{2})(?P<c>\d{2})$"
+SIX_DIGIT_DATE_PATTERN = r"^(?P<a>\d{2})(?P<b>\d{2})(?P<c>\d{2})$"
 """A date of six digits in an order that is not known."""
-DIGITS_DATE_PATTERN = r"^(?P<a>(?:19|20)\d{2})(?P<b>0[1-9]|1[0-2])(?P<c>0[1-9]|[12]\d|3[01])$"
+EIGHT_DIGIT_DATE_PATTERN = r"^(?P<a>(?:19|20)\d{2})(?P<b>0[1-9]|1[0-2])(?P<c>0[1-9]|[12]\d|3[01])$"
 """A date of eight digits: year, month, day; other numbers of eight digits count milliseconds."""
 DATE_PATTERNS = (
     *(DATETIME_PATTERN, UNIX_DATE_PATTERN, JOINED_DATETIME_PATTERN),
-    *(CLOCK_PATTERN, ONLY_DATE_PATTERN, DIGITS_DATE_PATTERN),
+    *(CLOCK_PATTERN, ONLY_DATE_PATTERN, EIGHT_DIGIT_DATE_PATTERN),
 )
 """The patterns of dates and times of day, in the order in which a text is compared with them."""
 
@@ -152,9 +152,9 @@ def _with_month_numbers(texts: ArrowArray) -> tuple[Any, bool]:
     """Return texts with numbers in place of the names of months, and whether there were any."""
     import pyarrow.compute as pc
 
-    if not pc.any(pc.match_substring_regex(texts, MONTH_PATTERN)).as_py():
+    if not pc.any(pc.match_substring_regex(texts, MONTH_NAME_PATTERN)).as_py():
         return texts, False
-    for pattern, order in LONG_DATE_ORDERS:
+    for pattern, order in MONTH_NAME_DATE_PATTERNS_AND_YEAR_FIRST_REWRITES:
         texts = pc.replace_substring_regex(texts, pattern, order)
     for k, name in enumerate(MONTH_NAME_BEGINNINGS, 1):
         texts = pc.replace_substring_regex(texts, rf"(?i)\b{name}[a-z]*\b", f"{k:02d}")
@@ -190,7 +190,7 @@ def parse_short_dates(array: ArrowArray) -> TextTimes | None:
     """Parse dates of six digits; None where a text is none."""
     import pyarrow.compute as pc
 
-    found = pc.extract_regex(trimmed_texts_or_null(array), SHORT_DATE_PATTERN)
+    found = pc.extract_regex(trimmed_texts_or_null(array), SIX_DIGIT_DATE_PATTERN)
     return None if found.null_count else _text_times_of_column_matches(found)
 
 

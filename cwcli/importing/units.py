@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import re
 
-from cwcli.signals.mapping import UNIT_FACTORS_BY_KIND
+from cwcli.signals.mapping import SI_FACTORS_BY_UNIT_BY_KIND
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 FACTOR_BY_KIND_AND_UNIT: dict[str, dict[str, float]] = {
-    "speed": {**UNIT_FACTORS_BY_KIND["speed"], "ftps": 0.3048},
+    "speed": {**SI_FACTORS_BY_UNIT_BY_KIND["speed"], "ftps": 0.3048},
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048},
     "place": {
         "deg": 1.0,
@@ -79,7 +79,7 @@ for (_kind, _unit), _spellings in _SPELLINGS_BY_KIND_AND_UNIT.items():
         _UNIT_BY_KIND_OF_SPELLING.setdefault(_spelling, {})[_kind] = _unit
 
 
-_SHORT_BY_WORD = {
+_UNIT_SIGN_BY_WRITTEN_OUT_UNIT_WORD_PATTERN = {
     "kilomet(er|re)s?": "km",
     "millimet(er|re)s?": "mm",
     "met(er|re)s?": "m",
@@ -108,7 +108,7 @@ def find_unit(text: str, kind: str) -> str:
         return spelling
     if "per" in spelling or spelling.startswith("unit_"):
         written_out = spelling.removeprefix("unit_").replace("_", "")
-        for word, sign in _SHORT_BY_WORD.items():
+        for word, sign in _UNIT_SIGN_BY_WRITTEN_OUT_UNIT_WORD_PATTERN.items():
             written_out = re.sub(word, sign, written_out)
         return find_unit(written_out, kind) if written_out != spelling else ""
     scaled = SCALED_UNIT_PATTERN.fullmatch(spelling)

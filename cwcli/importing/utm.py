@@ -13,7 +13,7 @@ SCALE_AT_CENTRAL_MERIDIAN, FALSE_EASTING_M, FALSE_NORTHING_OF_SOUTH_M = 0.9996, 
 """Scale, easting of the central meridian in m, and northing of the equator in m for the south (DMA TM8358.2)."""
 MAX_UTM_ZONE = 60
 """The number of zones, from 180 degrees west."""
-EPSG_OFFSETS = {326: False, 327: True, 258: False}
+IS_SOUTH_BY_FIRST_DIGITS_OF_UTM_EPSG_CODE = {326: False, 327: True, 258: False}
 """First digits of an EPSG code whose last two are the zone -> whether it is of the south: WGS84 north and south, and
 ETRS89, which is as good as WGS84 for a car."""
 
@@ -24,8 +24,8 @@ def parse_utm_zone_or_none(text: str) -> tuple[int, bool] | None:
     coded = re.fullmatch(r"epsg:(\d{3})(\d{2})", text.strip().lower())
     if named:
         zone, is_south = int(named[1]), named[2] == "s"
-    elif coded and int(coded[1]) in EPSG_OFFSETS:
-        zone, is_south = int(coded[2]), EPSG_OFFSETS[int(coded[1])]
+    elif coded and int(coded[1]) in IS_SOUTH_BY_FIRST_DIGITS_OF_UTM_EPSG_CODE:
+        zone, is_south = int(coded[2]), IS_SOUTH_BY_FIRST_DIGITS_OF_UTM_EPSG_CODE[int(coded[1])]
     else:
         return None
     return (zone, is_south) if 1 <= zone <= MAX_UTM_ZONE else None

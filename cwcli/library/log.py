@@ -11,7 +11,7 @@ from cwcli.errors import UsageError
 from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read import reader
-from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES
+from cwcli.logs.read.read_bounds import DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL, DEFAULT_TIMEOUT_S
 from cwcli.logs.read.source import Source
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Limits:
     """
 
     max_chunk_bytes: int = MAX_CHUNK_BYTES
-    max_input_bytes: int = MAX_PIPE_BYTES
+    max_input_bytes: int = DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL
     max_ratio: float = MAX_UNPACKED_TO_STORED_SIZE_RATIO
     timeout_s: float = DEFAULT_TIMEOUT_S
 

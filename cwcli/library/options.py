@@ -23,7 +23,7 @@ OptionValue = str | float | bool | PathLike[str] | Sequence[str] | None
 """The value of a stage's option."""
 StageOptions = Mapping[str, Mapping[str, OptionValue]]
 """Stage -> name of an option -> its value."""
-TIME_CHOICES = ("stamp", "log")
+CHOICES_OF_MEASUREMENT_TIME = ("stamp", "log")
 """Times that a measurement can have: its header stamp, or when it was logged."""
 
 
@@ -48,9 +48,10 @@ def sensor_reading_from_options(clock: str, ego_station: str | None, calibration
         UsageError: The clock does not exist, or the file's content is wrong.
         InputError: The file can't be read.
     """
-    if clock not in TIME_CHOICES:
+    if clock not in CHOICES_OF_MEASUREMENT_TIME:
         raise UsageError(
-            f"there is no clock {clock!r}", hint=hint_at_closest_or_all_known_names(str(clock), TIME_CHOICES)
+            f"there is no clock {clock!r}",
+            hint=hint_at_closest_or_all_known_names(str(clock), CHOICES_OF_MEASUREMENT_TIME),
         )
     if calibration is None:
         return SensorReading(clock, ego_station)

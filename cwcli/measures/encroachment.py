@@ -17,7 +17,7 @@ MAX_SEARCHED_LAG_S = 5.0
 """The longest lag that is looked for, s. Chosen by hand; not fitted."""
 LAG_SEARCH_STEP_S = 0.1
 """Step of the grid on which the least lag is searched, s. Chosen by hand."""
-LAG_REFINEMENT_STEP_S, LAG_REFINEMENT_GRID_STEPS = 0.01, 2
+LAG_REFINEMENT_STEP_S, HALF_WIDTH_OF_LAG_REFINEMENT_GRID_STEPS = 0.01, 2
 """The least lag is refined in steps of 0.01 s over 2 grid steps around it: a grid step may hide a contact."""
 
 
@@ -97,7 +97,7 @@ def _max_overlap_distance_m(pair: Pair) -> float:
 def _refine_least_lag_s(pair: Pair, host_row: int, other_row: int) -> float:
     """Refine the least lag around two rows of the grid, s."""
     first_ns = max(int(pair.host.stamp_ns[0]), int(pair.other.stamp_ns[0]))
-    n = round(LAG_REFINEMENT_GRID_STEPS * LAG_SEARCH_STEP_S / LAG_REFINEMENT_STEP_S)
+    n = round(HALF_WIDTH_OF_LAG_REFINEMENT_GRID_STEPS * LAG_SEARCH_STEP_S / LAG_REFINEMENT_STEP_S)
     fine_s = np.arange(-n, n + 1) * LAG_REFINEMENT_STEP_S
     tracks = []
     for track, row in ((pair.host, host_row), (pair.other, other_row)):

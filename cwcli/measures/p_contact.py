@@ -20,7 +20,7 @@ PATH_TIME_STEP_S = 0.05
 """Step of the paths, s. Chosen by hand."""
 PATH_TIMES_S = np.arange(round(CONTACT_HORIZON_S / PATH_TIME_STEP_S) + 1) * PATH_TIME_STEP_S
 """Times of the paths' points, s."""
-N_PATH_STATES = 6
+N_STATE_VARIABLES_MOVING_PATH = 6
 """Number of states that move a path: x, y, speed, heading, acceleration, yaw rate."""
 MOMENTS_PER_BATCH = 256
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
@@ -37,7 +37,10 @@ def contact_probability_within_horizon(pair: Pair) -> RatiosAtStamps:
     own[:, :2], theirs[:, :2] = 0.0, theirs[:, :2] - own[:, :2]
     for first in range(0, len(near), MOMENTS_PER_BATCH):
         rows = slice(first, first + MOMENTS_PER_BATCH)
-        covariances = (each[:, :N_PATH_STATES, :N_PATH_STATES] for each in pair.state_covariances(near[rows]))
+        covariances = (
+            each[:, :N_STATE_VARIABLES_MOVING_PATH, :N_STATE_VARIABLES_MOVING_PATH]
+            for each in pair.state_covariances(near[rows])
+        )
         (x, y, heading, spread), (to_x, to_y, to_heading, to_spread) = (
             propagate_to_x_y_heading_and_xy_covariance(state[rows], covariance)
             for state, covariance in zip((own, theirs), covariances, strict=True)

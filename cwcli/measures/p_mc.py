@@ -13,7 +13,7 @@ from cwcli.signals.columns import FloatArray
 
 CONTACT_HORIZON_S = 3.0
 """Time ahead within which a contact counts, s. Chosen by hand; not fitted."""
-ACCEL_SIGMA_MPS2 = 2.875
+RANDOM_MANOEUVRE_ACCEL_SIGMA_MPS2 = 2.875
 """Sigma of the host's random accelerations along and across (CommonRoad-CriMe's random manoeuvre: 11.5 / 4)."""
 N_RANDOM_MANOEUVRES = 2048
 """Number of manoeuvres; the share of them is the probability. Chosen by hand."""
@@ -30,7 +30,7 @@ def share_of_sampled_manoeuvres_touching(pair: Pair) -> RatiosAtStamps:
     radius = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
     way = (
         np.hypot(at.vx_mps, at.vy_mps) * CONTACT_HORIZON_S
-        + 0.5 * MAX_ACCEL_NEEDED_FOR_CONTACT_SIGMAS * ACCEL_SIGMA_MPS2 * CONTACT_HORIZON_S**2
+        + 0.5 * MAX_ACCEL_NEEDED_FOR_CONTACT_SIGMAS * RANDOM_MANOEUVRE_ACCEL_SIGMA_MPS2 * CONTACT_HORIZON_S**2
     )
     rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + way)
     whole, accel = EdgeProjections.from_pair(pair), sample_accelerations_mps2()
@@ -51,7 +51,7 @@ def sample_accelerations_mps2() -> FloatArray:
     k = np.arange(1, N_RANDOM_MANOEUVRES // 2 + 1)
     golden = 1.32471795724474602596  # x^3 = x + 1: the additive sequence that is spread most evenly in two dimensions
     u, v = (k / golden % 1.0, k / golden**2 % 1.0)
-    size, angle = ACCEL_SIGMA_MPS2 * np.sqrt(-2.0 * np.log(u)), np.pi * v
+    size, angle = RANDOM_MANOEUVRE_ACCEL_SIGMA_MPS2 * np.sqrt(-2.0 * np.log(u)), np.pi * v
     ax, ay = size * np.cos(angle), size * np.sin(angle)
     return np.stack([np.concatenate([ax, ax]), np.concatenate([ay, -ay])])
 

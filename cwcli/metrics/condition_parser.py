@@ -27,7 +27,7 @@ MAX_PARENTHESIS_NESTING = 50
 """Greatest depth of nested parentheses, which bounds the recursion of the parser; chosen by hand."""
 NUMBER_PATTERN = r"(?P<number>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 """Pattern of a number, without the parenthesis at its end: a grammar may allow a sign behind it."""
-SIGN_PATTERN = r"(?P<sign><=|>=|==|!=|<|>|\(|\))"
+COMPARISON_OPERATOR_OR_PARENTHESIS_PATTERN = r"(?P<sign><=|>=|==|!=|<|>|\(|\))"
 """Pattern of a comparison operator or a parenthesis."""
 LOGICAL_WORDS = frozenset({"and", "or", "not"})
 """Words that are no names."""

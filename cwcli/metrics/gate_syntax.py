@@ -18,9 +18,9 @@ import re
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
 from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.condition_parser import (
+    COMPARISON_OPERATOR_OR_PARENTHESIS_PATTERN,
     LOGICAL_WORDS,
     NUMBER_PATTERN,
-    SIGN_PATTERN,
     AndOr,
     Comparison,
     ConditionParser,
@@ -34,7 +34,9 @@ GATE_FUNCTIONS = ("mean", "median", "min", "max", "sum", "pooled")
 GATE_EXAMPLE = "for example 'ego.position_rmse_m < 0.5 and pooled(warnings.recall) >= 0.9'"
 """A valid gate, which the hints of syntax errors show."""
 
-_TOKEN_PATTERN = re.compile(rf"\s*(?:{NUMBER_PATTERN}%?)|(?P<name>[A-Za-z*][A-Za-z0-9_.*-]*)|{SIGN_PATTERN})")
+_TOKEN_PATTERN = re.compile(
+    rf"\s*(?:{NUMBER_PATTERN}%?)|(?P<name>[A-Za-z*][A-Za-z0-9_.*-]*)|{COMPARISON_OPERATOR_OR_PARENTHESIS_PATTERN})"
+)
 """Pattern of one token, a number, a name or a sign, after any white space."""
 _PERCENTILE_PATTERN = re.compile(r"p(\d{1,2})")
 """Pattern of the functions for percentiles: `p` and one or two digits."""

@@ -33,7 +33,7 @@ Pool = Literal["rms", "mean", "sum", "max", "min"]
 Better = Literal["lower", "higher", "near", ""]
 Interval = Literal["", "share", "rate"]
 
-TABLE_NAME = "metrics"
+HEADLINE_METRICS_TABLE_NAME = "metrics"
 """Name of the table of headline metrics."""
 METRICS_TABLE_COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight", "states")
 """Columns of the table of headline metrics, in order; the fields of `MetricRow` in `pooling` agree."""
@@ -388,7 +388,7 @@ class HeadlineCollector:
         numeric = {"value": np.float64, "n": np.int64, "low": np.float64, "high": np.float64}
         numeric |= {"total": np.float64, "weight": np.float64}
         return Table(
-            TABLE_NAME,
+            HEADLINE_METRICS_TABLE_NAME,
             {
                 name: np.array(column, numeric[name]) if name in numeric else list(column)
                 for name, column in zip(METRICS_TABLE_COLUMNS, columns, strict=True)

@@ -30,12 +30,12 @@ TUSIMPLE_MAX_EXTRA_PREDICTIONS = 2
 N_LANE_POINTS_EXTRAPOLATED_DOWN = 8
 """Number of lowest points of a lane that are extrapolated to the image's lower edge; chosen by hand."""
 
-VISUAL_TOLERANCE_PX = 6.0
+VISUAL_STANDARD_COLUMN_TOLERANCE_PX = 6.0
 """Tolerance of the visual standard [px] in an image of `VISUAL_REFERENCE_IMAGE_WIDTH_PX`; chosen by hand."""
-VISUAL_MIN_ROW_SHARE = 0.85
+VISUAL_STANDARD_MIN_ROW_SHARE = 0.85
 """Smallest share of a boundary's visible rows within the tolerance; chosen by hand."""
 VISUAL_REFERENCE_IMAGE_WIDTH_PX = 320
-"""Width of the image [px] to which `VISUAL_TOLERANCE_PX` belongs: 320 x 240, the images of zhang2011."""
+"""Width of the image [px] to which `VISUAL_STANDARD_COLUMN_TOLERANCE_PX` belongs: 320 x 240, as in zhang2011."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ def share_of_rows_within_tolerance(
     truth_u_px: FloatArray,
     visible: BoolArray,
     *,
-    tolerance_px: float = VISUAL_TOLERANCE_PX,
+    tolerance_px: float = VISUAL_STANDARD_COLUMN_TOLERANCE_PX,
     half_width_px: FloatArray | float = 0.0,
 ) -> float:
     """Return the share of the visible rows on which a boundary is at most tolerance_px from the truth.
@@ -223,7 +223,7 @@ def visual_standard_score(
         left, right: The boundaries.
         width_px: Of the image: the tolerance of 6 pixels belongs to 320 and scales.
     """
-    tolerance = VISUAL_TOLERANCE_PX * width_px / VISUAL_REFERENCE_IMAGE_WIDTH_PX
+    tolerance = VISUAL_STANDARD_COLUMN_TOLERANCE_PX * width_px / VISUAL_REFERENCE_IMAGE_WIDTH_PX
     shares = [
         share_of_rows_within_tolerance(
             each.u_px, each.truth_u_px, each.is_visible, tolerance_px=tolerance, half_width_px=each.half_width_px
@@ -232,7 +232,9 @@ def visual_standard_score(
     ]
     known_shares = [share for share in shares if not math.isnan(share)]
     return VisualScore(
-        shares[0], shares[1], bool(known_shares) and all(share >= VISUAL_MIN_ROW_SHARE for share in known_shares)
+        shares[0],
+        shares[1],
+        bool(known_shares) and all(share >= VISUAL_STANDARD_MIN_ROW_SHARE for share in known_shares),
     )
 
 

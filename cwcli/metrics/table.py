@@ -56,7 +56,7 @@ UNIT_BY_NAME_SUFFIX = {
 """Last word of a column's name -> the unit that it stands for."""
 TABLE_FILE_SUFFIXES = (".parquet", ".csv")
 """Endings of the names of table files."""
-MAX_ROWS_OF_SMALL_TABLE = 2000
+MAX_ROWS_OF_SNAPPY_COMPRESSED_TABLE = 2000
 """Number of rows below which a table is compressed with Snappy, others with Zstandard. Chosen by hand."""
 
 
@@ -240,7 +240,7 @@ def write_table_to_sink(table: Table, sink: pa.NativeFile, suffix: str) -> None:
         from pyarrow import parquet
 
         # zstd begins with a look at its tables for each column: for few rows that takes four times the writing itself
-        compression = "snappy" if len(table) < MAX_ROWS_OF_SMALL_TABLE else "zstd"
+        compression = "snappy" if len(table) < MAX_ROWS_OF_SNAPPY_COMPRESSED_TABLE else "zstd"
         parquet.write_table(to_arrow_table(table), sink, compression=compression)
 
 

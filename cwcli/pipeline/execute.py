@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from cwcli.metrics.table import Table
     from cwcli.pipeline.result import StageResult
 
-USUAL_STAGE_WORK = {"estimate": 40.0, "lanes": 12.0, "predict": 10.0, "warn": 4.0}
+USUAL_RELATIVE_RUN_TIME_BY_STAGE = {"estimate": 40.0, "lanes": 12.0, "predict": 10.0, "warn": 4.0}
 """Stage -> the time that it usually takes, in that of a stage that is not listed; chosen by hand after a profile of the
 scenario `city`. Only the progress that is shown depends on it."""
-WRITE_ALL_CHANNELS = ChannelChoice()
+DEFAULT_CHOICE_OF_ALL_WRITTEN_CHANNELS = ChannelChoice()
 """The default choice of a run: every channel that its stages make is written."""
 Missed = Callable[[str, "Log", Selection], "MissingSignals | None"]
 
@@ -71,7 +71,7 @@ class SkipRules:
     lenient: bool = False
 
 
-RUN_EVERY_STAGE = SkipRules()
+SKIP_RULES_THAT_SKIP_NO_STAGE = SkipRules()
 """No stage is left out: one that misses a signal is an error."""
 
 
@@ -79,9 +79,9 @@ RUN_EVERY_STAGE = SkipRules()
 class RunRules:
     """What a run leaves out, refuses and writes; see `run_stages`."""
 
-    skip: SkipRules = RUN_EVERY_STAGE
+    skip: SkipRules = SKIP_RULES_THAT_SKIP_NO_STAGE
     strict: bool = False
-    choice: ChannelChoice = WRITE_ALL_CHANNELS
+    choice: ChannelChoice = DEFAULT_CHOICE_OF_ALL_WRITTEN_CHANNELS
 
 
 def run_stages(
@@ -89,9 +89,9 @@ def run_stages(
     stages: Mapping[str, Call],
     selection: Selection,
     *,
-    skip: SkipRules = RUN_EVERY_STAGE,
+    skip: SkipRules = SKIP_RULES_THAT_SKIP_NO_STAGE,
     strict: bool = False,
-    choice: ChannelChoice = WRITE_ALL_CHANNELS,
+    choice: ChannelChoice = DEFAULT_CHOICE_OF_ALL_WRITTEN_CHANNELS,
     step: Callable[[str], None] = lambda text: None,
 ) -> tuple[RunOutcome, Log]:
     """Run stages on a log; each sees the channels of those before it as if they had been in the file.
@@ -114,7 +114,7 @@ def run_stages(
     outcome = RunOutcome(log.name)
     current = log
     first: MissingSignalError | None = None
-    work = [USUAL_STAGE_WORK.get(name, 1.0) for name in stages]
+    work = [USUAL_RELATIVE_RUN_TIME_BY_STAGE.get(name, 1.0) for name in stages]
     share_done = 0.0
     for k, (name, stage) in enumerate(stages.items(), 1):
         lack = skip.missing(name, current, selection)

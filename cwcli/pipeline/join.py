@@ -34,9 +34,9 @@ from cwcli.version import __version__
 
 JOIN_RECORD_NAME = "cwcli.join"
 """Name of the metadata record that describes how a log was joined with another."""
-EGO, OTHER = "ego", "other"
+WORD_FOR_CAR_OF_FIRST_LOG, WORD_FOR_CAR_OF_SECOND_LOG = "ego", "other"
 """The words for the cars of the first and of the second log in the notes of a join."""
-EGO_AND_REMOTE_CHANNELS = ((EGO_STATE, REMOTE_STATE), (EGO_ONLINE, REMOTE_ONLINE))
+EGO_CHANNELS_OF_SECOND_LOG_AND_JOINED_LOG_CHANNELS = ((EGO_STATE, REMOTE_STATE), (EGO_ONLINE, REMOTE_ONLINE))
 """Pairs of channels: the states of the second car's own log, and where they go in the joined log."""
 
 
@@ -83,7 +83,7 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
     counts: dict[str, int] = {}
     n_outside = 0
     span_ns = read_vehicle_states(ours.columns(EGO_STATE.topic), with_covariance=False).stamp_ns
-    for source, target in EGO_AND_REMOTE_CHANNELS:
+    for source, target in EGO_CHANNELS_OF_SECOND_LOG_AND_JOINED_LOG_CHANNELS:
         if not _has_decodable_messages(theirs, source.topic):
             continue
         log_shift_ns = stamp_shift_ns if source is EGO_STATE else -offset_ns  # in hindsight, log times are the stamps
@@ -199,7 +199,7 @@ def _format_join_notes(
 ) -> tuple[str, ...]:
     """Return the notes on the recorders' clocks and on the states that were left out."""
     notes = [recorder_clock_difference_text(offset_ns, *recorders)]
-    for who, recorder in zip((EGO, OTHER), recorders, strict=True):
+    for who, recorder in zip((WORD_FOR_CAR_OF_FIRST_LOG, WORD_FOR_CAR_OF_SECOND_LOG), recorders, strict=True):
         if not recorder.is_on_epochs:
             notes.append(
                 f"the stamps of the {who}'s positions are no whole epochs of GNSS time: they may be the computer's, "

@@ -32,7 +32,7 @@ LATERAL_PATH_MODELS = ("cwcli", "zhang2011")
 """Names of the path models; the module's text explains both."""
 ACCEL_SLOPE_WINDOW_S = 1.0
 """The acceleration is the slope of the speed over this time, s. Chosen by hand; not fitted."""
-MIN_ACCEL_FRAMES = 4
+MIN_FRAMES_TO_COMPUTE_ACCEL = 4
 """Least number of frames in that time from which the acceleration is computed; with fewer it is 0. Chosen by hand; not
 fitted."""
 MAX_ZEROED_ACCEL_SIGMAS = 2.0
@@ -188,7 +188,7 @@ def recent_shrunk_speed_slope_mps2(track: LateralTrack) -> FloatArray:
     n, t, vt = sum_in_windows(np.ones_like(v)), sum_in_windows(time_s), sum_in_windows(v * time_s)
     count = np.maximum(n, 1.0)
     spread = sum_in_windows(time_s**2) - t * t / count
-    enough = (n >= MIN_ACCEL_FRAMES) & (spread > 1e-6) & known
+    enough = (n >= MIN_FRAMES_TO_COMPUTE_ACCEL) & (spread > 1e-6) & known
     spread = np.where(enough, spread, 1.0)
     slope = (vt - t * sum_in_windows(v) / count) / spread
     left = np.maximum(sum_in_windows(v * v) - sum_in_windows(v) ** 2 / count - slope**2 * spread, 0.0)

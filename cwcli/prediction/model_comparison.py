@@ -151,13 +151,13 @@ def horizon_error_table(errors: Mapping[str, HorizonErrors]) -> dict[str, FloatA
                 rows[name, column] = row
     order = [(name, column) for name in errors for column in range(n_horizons)]
     table: dict[str, FloatArray | Int64Array | list[str]] = {"model": [name for name, _ in order]}
-    for index, key in enumerate(_TABLE_COLUMNS):
+    for index, key in enumerate(_COLUMNS_OF_HORIZON_ERROR_TABLE):
         values = np.array([rows[each][index] for each in order], dtype=np.float64)
         table[key] = values.astype(np.int64) if key == "n" else values
     return table
 
 
-_TABLE_COLUMNS = (
+_COLUMNS_OF_HORIZON_ERROR_TABLE = (
     "horizon_s",
     "n",
     "mean_m",
@@ -184,7 +184,7 @@ def _table_rows_at_horizon(
     n = np.count_nonzero(known)
     horizon_s = float(errors[0].horizon_s[horizon_index])
     if n == 0:
-        return [[horizon_s, 0.0, *([np.nan] * (len(_TABLE_COLUMNS) - 2))] for _ in errors]
+        return [[horizon_s, 0.0, *([np.nan] * (len(_COLUMNS_OF_HORIZON_ERROR_TABLE) - 2))] for _ in errors]
     distance = np.stack([error.distance_m[known, horizon_index] for error in errors])
     along = np.stack([error.along_m[known, horizon_index] for error in errors])
     cross = np.stack([error.cross_m[known, horizon_index] for error in errors])

@@ -155,18 +155,18 @@ def _track_xy_and_is_known_at(
 
 def indices_of_needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:
     """Increasing indices of the points that errors at the horizons depend on, and of the first and last point."""
-    after = _indices_of_points_after(time_s, np.asarray(horizons_s, dtype=np.float64))
+    after = _index_of_first_point_at_or_after_each_horizon(time_s, np.asarray(horizons_s, dtype=np.float64))
     return sort_distinct_values(np.concatenate([[0], after - 1, after, [len(time_s) - 1]]))
 
 
-def _indices_of_points_after(time_s: FloatArray, horizon_s: FloatArray) -> npt.NDArray[np.intp]:
+def _index_of_first_point_at_or_after_each_horizon(time_s: FloatArray, horizon_s: FloatArray) -> npt.NDArray[np.intp]:
     """Index of the first point at or after each horizon, from 1 to the last point, (h,)."""
     return np.clip(np.searchsorted(time_s, horizon_s - 1e-9), 1, len(time_s) - 1)
 
 
 def _interpolate_at_horizons(paths: Paths, horizon_s: FloatArray) -> dict[str, FloatArray]:
     """Point, heading and covariance of each path at the horizons, linear between points, (n, h) each."""
-    after = _indices_of_points_after(paths.time_s, horizon_s)
+    after = _index_of_first_point_at_or_after_each_horizon(paths.time_s, horizon_s)
     share = (horizon_s - paths.time_s[after - 1]) / (paths.time_s[after] - paths.time_s[after - 1])
 
     def interpolate_paths(values: FloatArray) -> FloatArray:

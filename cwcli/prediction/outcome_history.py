@@ -186,7 +186,7 @@ def unclear_lasting_new_shares_of_derivatives(track: StateHistory) -> PartShares
     return out
 
 
-def displacement_beyond_constant_velocity_m(state: StateRows) -> FloatArray:
+def displacement_from_accel_and_yaw_rate_m(state: StateRows) -> FloatArray:
     """Displacement (m) that acceleration and yaw rate would add to constant velocity by each knot, shape (n, 2, k).
 
     A car that stops stays there.
@@ -283,7 +283,7 @@ def gain_of_each_part_from_outcomes(track: StateHistory, part_shares: PartShares
     known_ns = np.append(track.known_ns, OUTCOME_NEVER_KNOWN_NS)[known_row]
     return kernel.gains(
         part_shares,
-        displacement_beyond_constant_velocity_m(track.state),
+        displacement_from_accel_and_yaw_rate_m(track.state),
         actual_displacement_beyond_constant_velocity_m(track),
         step_s=track.step_s(),
         knots_s=HORIZON_KNOTS_S,

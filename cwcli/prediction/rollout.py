@@ -18,7 +18,7 @@ from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, StateCovariances, StateRows
 from cwcli.signals.packed_covariances import Covariances
-from cwcli.signals.vehicle_state import ACCEL, DERIVATIVE_INDICES, SPEED, YAW_RATE
+from cwcli.signals.vehicle_state import ACCEL, SPEED, STATE_COLUMNS_OF_MOTION_MODEL_RESPONSES, YAW_RATE
 
 Discretisation = Literal["exact", "paper"]
 """How a model is integrated: exactly, or by song2016's recursion."""
@@ -168,7 +168,9 @@ def _require_8_states_and_matching_covariances(state: StateRows, covariance: Cov
 def _scale_derivatives_by_trust(state: StateRows, trust: DerivativeTrust) -> FloatArray:
     """Multiply each derivative of the states by its trust (n, 4); one with trust 0 becomes 0, even if it is NaN."""
     out = state.copy()
-    out[:, DERIVATIVE_INDICES] = np.where(trust == 0.0, 0.0, state[:, DERIVATIVE_INDICES] * trust)
+    out[:, STATE_COLUMNS_OF_MOTION_MODEL_RESPONSES] = np.where(
+        trust == 0.0, 0.0, state[:, STATE_COLUMNS_OF_MOTION_MODEL_RESPONSES] * trust
+    )
     return out
 
 

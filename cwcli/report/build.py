@@ -59,19 +59,19 @@ OVERVIEW_ROW_BYTES = 1200
 OVERVIEW_ROW_BYTES_OF_LONG_PAGE, MAX_LONG_PAGE_BYTES = 290, 5_000_000
 """The page of many logs sets aside so many bytes for a row of its overview, and has at most so many bytes. Chosen by
 hand: ten thousand rows, and figures of the worst logs."""
-MAX_LOGS_OPENED = 200
+MAX_LOGS_OPENED_FOR_OVERVIEW = 200
 """Greatest number of logs of a run that are opened for the overview; of more, the run's digest tells. Chosen by hand:
 opening one takes some 20 ms."""
-MAX_PATHS_TO_EVALUATE = 20_000
+MAX_PREDICTED_PATHS_EVALUATED_WITHOUT_GATE = 20_000
 """Greatest number of predicted paths of a log whose metrics are computed although no gate needs them. Chosen by hand;
 not fitted."""
-MAX_LOGS_TOO_LARGE = 5
+MAX_TOO_LARGE_LOG_SECTIONS_BEFORE_GIVING_UP = 5
 """Number of logs whose section exceeds the remaining bytes after which no further log is tried. Chosen by hand; not
 fitted."""
-MAX_STORY_CHARACTERS = 400
+MAX_LOG_DESCRIPTION_CHARACTERS = 400
 """The greatest length of a log's description in the overview table, in characters. Chosen by hand; not fitted."""
-MAX_SHORT_STORY_CHARACTERS = 90
-"""The same in a run of more than `MAX_LOGS_OPENED` logs. Chosen by hand: ten thousand rows fit into 5 MB."""
+MAX_LOG_DESCRIPTION_CHARACTERS_OF_LARGE_RUN = 90
+"""The same in a run of more than `MAX_LOGS_OPENED_FOR_OVERVIEW` logs. Chosen by hand: 10,000 rows fit into 5 MB."""
 FIGURE_DETAIL_OF_LARGE_RUN = DetailLevel(
     n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False
 )
@@ -118,7 +118,7 @@ def build_report(
         source = source if not run.is_folder else run.entries[0].log
         return _build_report_of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
     results = check_gates(gates, [log_metrics_of_entry(each) for each in run.entries])
-    is_opened = len(run.entries) <= MAX_LOGS_OPENED
+    is_opened = len(run.entries) <= MAX_LOGS_OPENED_FOR_OVERVIEW
     candidates = sorted(
         (_read_log_and_rank_candidate(each, results, is_opened=is_opened) for each in run.entries),
         key=_candidate_sort_key,
@@ -140,7 +140,7 @@ def build_report(
             )
         if section is None:
             n_misfits += 1
-            if n_misfits == MAX_LOGS_TOO_LARGE:
+            if n_misfits == MAX_TOO_LARGE_LOG_SECTIONS_BEFORE_GIVING_UP:
                 break
             continue
         candidate.anchor = f"log-{index + 1}"
@@ -230,7 +230,7 @@ def _evaluate_headline_metrics(log: Log, system: OtherSystemTopics | None, *, is
     from cwcli.evaluation.evaluate_log import evaluate_log
 
     n_paths = sum(channel.message_count or 0 for channel in log.channels if channel.schema_name == EGO_PATH.schema)
-    if n_paths > MAX_PATHS_TO_EVALUATE and not is_needed and system is None:
+    if n_paths > MAX_PREDICTED_PATHS_EVALUATED_WITHOUT_GATE and not is_needed and system is None:
         return {}
     try:
         return metric_rows_by_name(evaluate_log(log, system=system))
@@ -260,7 +260,7 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult],
     track = ""
     if not is_opened and entry.line is not None:
         n_warnings = entry.line.n_warnings
-        story = (story or entry.line.text)[:MAX_SHORT_STORY_CHARACTERS]
+        story = (story or entry.line.text)[:MAX_LOG_DESCRIPTION_CHARACTERS_OF_LARGE_RUN]
         n_doubts = len(entry.line.doubts)
         badges += [Badge(format_count(n_doubts, "doubt"), "plain")] if n_doubts else []
     elif entry.log is not None:
@@ -274,7 +274,7 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult],
             badges.append(Badge("the annotated log can't be read", "bad"))
     if n_warnings or n_doubts:
         rank = min(rank, 2)
-    shown = story[:MAX_STORY_CHARACTERS]
+    shown = story[:MAX_LOG_DESCRIPTION_CHARACTERS]
     return LogCandidate(entry, badges, rank, n_warnings, shown, track=track, sources=tuple(sources), n_doubts=n_doubts)
 
 
@@ -313,7 +313,7 @@ def _render_section_and_complete_candidate(
             for detail in details:
                 options = SectionOptions(anchor, candidate.badges, detail, is_alone=False, is_open=is_open)
                 view = _read_and_build_log_view(log, candidate.entry, options, system)
-                candidate.story = candidate.story or view.story.headline[:MAX_STORY_CHARACTERS]
+                candidate.story = candidate.story or view.story.headline[:MAX_LOG_DESCRIPTION_CHARACTERS]
                 section = renderer.render_log_section(view)
                 if len(section.encode()) <= budget:
                     candidate.badges += view.story.badges

@@ -36,16 +36,16 @@ from cwcli.signals.units import NS_PER_S
 
 OTHER_VEHICLE_COLOUR = OTHER_VEHICLE_COLOURS[0]
 """Colour of the other vehicle."""
-DISTANCE_FIGURE_BEFORE_S = 4.0
+DISTANCE_FIGURE_TIME_BEFORE_WARNING_S = 4.0
 """Time before a warning that the distance figure shows, in s. Chosen by hand; not fitted."""
-DISTANCE_FIGURE_AFTER_S = 5.0
+MIN_DISTANCE_FIGURE_TIME_AFTER_WARNING_S = 5.0
 """Time after a warning that the distance figure shows at least, in s. Chosen by hand; not fitted."""
 INITIAL_DISTANCE_AXIS_M = 30.0
 """Upper end of the distance axis at first, in m, unless the vehicles stayed farther apart.
 Chosen by hand; not fitted."""
-PATH_FIGURE_BEFORE_S = 1.0
+DRIVEN_PATH_FIGURE_TIME_BEFORE_WARNING_S = 1.0
 """Time before a warning of which the driven path is drawn, in s. Chosen by hand; not fitted."""
-PATH_FIGURE_AFTER_S = 4.0
+MAX_DRIVEN_PATH_FIGURE_TIME_AFTER_WARNING_S = 4.0
 """Time after a warning of which the driven path is drawn at most, in s. Chosen by hand; not fitted."""
 ELLIPSE_SPACING_S = 0.5
 """Time between the ellipses along a predicted path, in s, at least. Chosen by hand; not fitted."""
@@ -69,7 +69,7 @@ MEASURE_STRIPS = (
     ),
 )
 """Measures below the distance: measure, description, axis title, unit, top of the axis, colour."""
-DISTANCE_HEIGHT_SHARES = (1.0, 0.6, 0.44)
+DISTANCE_PANEL_HEIGHT_SHARE_BY_NUMBER_OF_STRIPS = (1.0, 0.6, 0.44)
 """Share of the figure's height for the distance when no, one or two strips lie below it. Chosen by hand; not fitted."""
 DRAWN_SHARE_OF_STRIP_HEIGHT = 0.74
 """Share of a strip's height that is drawn; the rest separates the strips. Chosen by hand; not fitted."""
@@ -183,7 +183,9 @@ def _driven_path_traces(
     size_m: tuple[float, float],
 ) -> list[Trace]:
     """Return the traces of the driven path and of the outlines at the warning and at the nearest approach."""
-    first = np.searchsorted(track.stamp_ns, encounter.raised_ns - round(PATH_FIGURE_BEFORE_S * NS_PER_S))
+    first = np.searchsorted(
+        track.stamp_ns, encounter.raised_ns - round(DRIVEN_PATH_FIGURE_TIME_BEFORE_WARNING_S * NS_PER_S)
+    )
     last = np.searchsorted(track.stamp_ns, _driven_path_end_ns(encounter), side="right")
     stamps, states = insert_nan_rows_in_time_gaps(track.stamp_ns[first:last], track.state[first:last, :2])
     rows = simplified_track_row_indices(states, 0.05)
@@ -205,7 +207,7 @@ def _driven_path_traces(
 
 def _driven_path_end_ns(encounter: Encounter) -> int:
     """Return the stamp at which the driven path ends."""
-    end_ns = encounter.raised_ns + round(PATH_FIGURE_AFTER_S * NS_PER_S)
+    end_ns = encounter.raised_ns + round(MAX_DRIVEN_PATH_FIGURE_TIME_AFTER_WARNING_S * NS_PER_S)
     if encounter.verdict is not None and encounter.verdict.closest_ns >= 0:
         end_ns = min(end_ns, encounter.verdict.closest_ns + NS_PER_S // 2)
     return max(end_ns, encounter.raised_ns + NS_PER_S)
@@ -223,11 +225,11 @@ def distance_and_ttc_figure_around_warning(drive: Drive, encounter: Encounter) -
     """Draw distance and time to collision around a warning; None where the tracks have no common time."""
     if encounter.pair is None or drive.warnings is None:
         return None
-    until_ns = max(encounter.last_ns, encounter.raised_ns + round(DISTANCE_FIGURE_AFTER_S * NS_PER_S))
+    until_ns = max(encounter.last_ns, encounter.raised_ns + round(MIN_DISTANCE_FIGURE_TIME_AFTER_WARNING_S * NS_PER_S))
     marks = [(encounter.raised_ns, "warning", WARNING_COLOUR)]
     if encounter.verdict is not None and encounter.verdict.closest_ns >= 0:
         marks.append((encounter.verdict.closest_ns, "nearest", "#000000"))
-    since_ns = encounter.raised_ns - round(DISTANCE_FIGURE_BEFORE_S * NS_PER_S)
+    since_ns = encounter.raised_ns - round(DISTANCE_FIGURE_TIME_BEFORE_WARNING_S * NS_PER_S)
     return _distance_figure_of_pair(
         drive, encounter.pair, (since_ns, until_ns), marks, [_predicted_distance_trace(drive, encounter)]
     )
@@ -235,7 +237,7 @@ def distance_and_ttc_figure_around_warning(drive: Drive, encounter: Encounter) -
 
 def nearest_approach_figure(drive: Drive, nearest: NearestApproach) -> Figure | None:
     """Draw distance and time to collision around the nearest approach of a drive without warnings."""
-    apart_ns = round(2.0 * DISTANCE_FIGURE_AFTER_S * NS_PER_S)
+    apart_ns = round(2.0 * MIN_DISTANCE_FIGURE_TIME_AFTER_WARNING_S * NS_PER_S)
     span = (nearest.stamp_ns - apart_ns, nearest.stamp_ns + apart_ns)
     return _distance_figure_of_pair(drive, nearest.pair, span, [(nearest.stamp_ns, "nearest", "#000000")], [])
 
@@ -268,12 +270,12 @@ def _distance_figure_of_pair(
     limit_m = drive.warning_config.distance_m
     drawn = [_threshold_line_with_label("y", limit_m, f"{limit_m:g} m counts as a collision")]
     strips = [(k, *strip) for k, strip in enumerate(MEASURE_STRIPS, start=2) if np.isfinite(columns[:, k]).any()]
-    height = (1.0 - DISTANCE_HEIGHT_SHARES[len(strips)]) / max(len(strips), 1)
+    height = (1.0 - DISTANCE_PANEL_HEIGHT_SHARE_BY_NUMBER_OF_STRIPS[len(strips)]) / max(len(strips), 1)
     layout: dict[str, Any] = {
         "xaxis": axis_settings("time since the log began [s]", anchor="y2" if strips else "y"),
         "yaxis": axis_settings(
             "distance [m]",
-            domain=[1.0 - DISTANCE_HEIGHT_SHARES[len(strips)], 1.0],
+            domain=[1.0 - DISTANCE_PANEL_HEIGHT_SHARE_BY_NUMBER_OF_STRIPS[len(strips)], 1.0],
             range=_initial_distance_range(columns),
         ),
     }

@@ -36,7 +36,7 @@ MAX_SPELLED_OUT_WARNINGS = 4
 """Greatest number of warnings whose labels say `warning 1`; of more they say only `1`. Chosen by hand; not fitted."""
 MAX_WARNINGS_ON_MAP = 30
 """The greatest number of warnings that the map marks. Chosen by hand; not fitted."""
-N_FIX_GRID_CELLS = 500
+N_FIX_GRID_CELLS_PER_AXIS = 500
 """Cells of the grid along each axis; of fixes in one cell the first is drawn. Chosen by hand; not fitted."""
 TRACK_EXTENT_PER_TOLERANCE = 4000.0
 """The track's extent divided by this is the tolerance of its simplification. Chosen by hand; not fitted."""
@@ -44,7 +44,7 @@ MIN_TRACK_TOLERANCE_M = 0.02
 """The least tolerance of a track's simplification, in m. Chosen by hand; not fitted."""
 MAX_GAP_OF_DRAWN_LINE_S = 2.0
 """Longest gap in s across which a line is drawn. Chosen by hand; not fitted."""
-LABEL_ABOVE_MIN_COSINE = 0.7
+MIN_HEADING_COSINE_OF_LABEL_ABOVE_CAR = 0.7
 """Least cosine of the heading at which a label stands above the car, else to its left. Chosen by hand; not fitted."""
 AXIS_MARGIN_SHARE = 0.04
 """Margin at each end of an axis, as a share of what is drawn. Chosen by hand; not fitted."""
@@ -199,7 +199,9 @@ def _fix_traces(drive: Drive) -> list[Trace]:
     found = [measured for measured in drive.measurements if measured.kind is Kind.POSITION]
     traces = []
     for measured in found[:1]:
-        rows = first_row_per_grid_cell(measured.values[:, 0], measured.values[:, 1], N_FIX_GRID_CELLS, N_FIX_GRID_CELLS)
+        rows = first_row_per_grid_cell(
+            measured.values[:, 0], measured.values[:, 1], N_FIX_GRID_CELLS_PER_AXIS, N_FIX_GRID_CELLS_PER_AXIS
+        )
         x, y = measured.values[rows].T
         traces.append(
             marker_trace(
@@ -237,7 +239,8 @@ def _warning_traces(drive: Drive, drive_encounters: DriveEncounters, ego: Actual
             "mode": "markers+text",
             "text": [f"<b>{word}{each.event_id}</b>" for each in shown],
             "textposition": [
-                "top center" if abs(np.cos(state[3])) > LABEL_ABOVE_MIN_COSINE else "middle left" for state in raised
+                "top center" if abs(np.cos(state[3])) > MIN_HEADING_COSINE_OF_LABEL_ABOVE_CAR else "middle left"
+                for state in raised
             ],
             "textfont": {"color": WARNING_COLOUR, "size": 13},
             "cliponaxis": False,

@@ -21,11 +21,11 @@ from cwcli.version import __version__
 
 MAX_PAGE_BYTES = 5_900_000
 """The size of a page that sections are fitted into, in bytes; docs/report.md promises less than 6 MB."""
-MAX_NAMED_LOGS = 3
+MAX_DOUBTFUL_LOGS_NAMED_IN_HEADLINE = 3
 """Greatest number of doubtful logs that the headline names; chosen by hand."""
 MIN_LISTED_FAILURE_REASONS, MAX_LISTED_FAILURE_REASONS = 2, 8
 """Least and greatest number of reasons of failures that are listed; chosen by hand."""
-MAX_ROWS_WITH_NAMED_CELLS = 200
+MAX_ROWS_WITH_COLUMN_NAMES_IN_CELLS = 200
 """Greatest number of rows whose cells carry the names of their columns, for narrow screens. Chosen by hand: they take a
 third of the table."""
 DOUBTS_METRIC = "doubts.count"
@@ -131,7 +131,7 @@ def assemble_run_report(
         metrics=pool_metrics([log_metrics_of_entry(each.entry) for each in candidates], anchors),
         sources=sources,
         n_sources=n_sources,
-        has_plain_cells=len(candidates) > MAX_ROWS_WITH_NAMED_CELLS,
+        has_plain_cells=len(candidates) > MAX_ROWS_WITH_COLUMN_NAMES_IN_CELLS,
         footer=footer_sentences(renderer.tiles),
     )
     html = renderer.render_page(page, sections).encode()
@@ -150,8 +150,8 @@ def _failure_sentences(candidates: Sequence[LogCandidate]) -> list[str]:
         return []
     ordered = sorted(names.items(), key=lambda item: (-len(item[1]), item[0]))
     return [
-        f"{format_count(len(logs), 'log')} failed: {what} ({', '.join(logs[:MAX_NAMED_LOGS])}"
-        f"{', ...' if len(logs) > MAX_NAMED_LOGS else ''})."
+        f"{format_count(len(logs), 'log')} failed: {what} ({', '.join(logs[:MAX_DOUBTFUL_LOGS_NAMED_IN_HEADLINE])}"
+        f"{', ...' if len(logs) > MAX_DOUBTFUL_LOGS_NAMED_IN_HEADLINE else ''})."
         for what, logs in ordered[:MAX_LISTED_FAILURE_REASONS]
     ]
 
@@ -183,8 +183,12 @@ def _doubtful_logs_sentence(candidates: Sequence[LogCandidate]) -> str:
     if not counts:
         return ""
     named = sorted(counts, key=lambda name: (-counts[name], name))
-    names = ", ".join(escape_control_characters(name) for name in named[:MAX_NAMED_LOGS])
-    more = f" and {len(named) - MAX_NAMED_LOGS} more" if len(named) > MAX_NAMED_LOGS else ""
+    names = ", ".join(escape_control_characters(name) for name in named[:MAX_DOUBTFUL_LOGS_NAMED_IN_HEADLINE])
+    more = (
+        f" and {len(named) - MAX_DOUBTFUL_LOGS_NAMED_IN_HEADLINE} more"
+        if len(named) > MAX_DOUBTFUL_LOGS_NAMED_IN_HEADLINE
+        else ""
+    )
     are = "it is" if len(named) == 1 else "they are"
     return f"Do not trust {len(named)} of {format_count(len(candidates), 'drive')} as {are}: {names}{more}."
 

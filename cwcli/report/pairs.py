@@ -26,7 +26,7 @@ MAX_LISTED_PAIRS = 12
 """The greatest number of other vehicles in the table of extremes. Chosen by hand; not fitted."""
 MAX_LISTED_CONFLICTS = 200
 """The greatest number of conflicts in the table of conflicts. Chosen by hand; not fitted."""
-MIN_NAME_DIGITS = 4
+MIN_HEX_DIGITS_OF_ANCHOR_NAME = 4
 """The least number of hexadecimal digits in an anchor's name. Chosen by hand; not fitted."""
 
 
@@ -142,6 +142,6 @@ def stable_anchor_names(log: str, kind: str, distinguishing_keys: Iterable[tuple
         digests.append(hashlib.blake2s(text.encode("utf-8", "surrogateescape")).hexdigest())
     short: dict[str, None] = {}  # in their order
     for digest in digests:
-        length = next(n for n in range(MIN_NAME_DIGITS, len(digest) + 1) if digest[:n] not in short)
+        length = next(n for n in range(MIN_HEX_DIGITS_OF_ANCHOR_NAME, len(digest) + 1) if digest[:n] not in short)
         short[digest[:length]] = None
     return [f"{kind}-{name}" for name in short]

@@ -36,7 +36,7 @@ PNG_DOTS_PER_INCH = 110
 """Resolution of PNG files, in dots per inch. Chosen by hand; not fitted."""
 ESTIMATE_COLOUR = "#0072b2"
 """Colour of estimates. From Okabe and Ito's palette."""
-BAND_COLOUR = "#0072b2"
+UNCERTAINTY_BAND_AND_ERROR_COLOUR = "#0072b2"
 """Colour of the bands around estimates and of errors. From Okabe and Ito's palette."""
 MEASURED_COLOUR = "0.65"
 """Colour of raw measurements, as matplotlib's grey level. Chosen by hand; not fitted."""
@@ -256,7 +256,13 @@ def _draw_panels(figure: Any, drive: Drive, panels: Sequence[Panel]) -> None:
             middle = np.zeros_like(values) if panel.is_error else values
             said = "95 % band" if panel.is_error else "1-sigma band"
             handles[said] = axes.fill_between(
-                seconds, middle - sigma, middle + sigma, color=BAND_COLOUR, alpha=0.25, linewidth=0, zorder=2
+                seconds,
+                middle - sigma,
+                middle + sigma,
+                color=UNCERTAINTY_BAND_AND_ERROR_COLOUR,
+                alpha=0.25,
+                linewidth=0,
+                zorder=2,
             )
         name = "error" if panel.is_error else "estimated"
         handles[name] = axes.plot(seconds, values, color=ESTIMATE_COLOUR, linewidth=1.1, zorder=3)[0]

@@ -33,7 +33,7 @@ METRICS_SHOWN_BUT_NOT_COMPARED = (
 """Metrics that are shown besides those that runs are compared by. Chosen by hand; not fitted."""
 METRICS_OF_DRIVE_LENGTH = ("data.duration_s", "ego.distance_km")
 """Metrics of a drive's length, in which no log counts as an outlier."""
-MAX_OUTLIER_LOGS = 3
+MAX_OUTLIER_LOGS_NAMED_PER_METRIC = 3
 """The greatest number of outlier logs that are named for a metric. Chosen by hand; not fitted."""
 MAX_LISTED_SOURCES = 20
 """The greatest number of sources in the table of all logs. Chosen by hand; not fitted."""
@@ -257,7 +257,7 @@ def find_outlier_logs(
             format_metric_value(name, values[log]),
             round(float(np.clip((drawable[log] - low) / (high - low), 0.0, 1.0)) * HISTOGRAM_WIDTH_PX, 1),
         )
-        for log in far[:MAX_OUTLIER_LOGS]
+        for log in far[:MAX_OUTLIER_LOGS_NAMED_PER_METRIC]
     )
 
 

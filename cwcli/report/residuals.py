@@ -50,7 +50,7 @@ PANEL_HEIGHT_PX = 130
 """Height of one component's panel, in pixels. Chosen by hand; not fitted."""
 AXIS_AND_LEGEND_HEIGHT_PX = 110
 """Height of the axis and legend around the panels, in pixels. Chosen by hand; not fitted."""
-MIN_AXIS_SIGMAS = 2.2
+MIN_HALF_HEIGHT_OF_AXIS_SIGMAS = 2.2
 """Least half height of the axis, in sigmas of the noise; it also covers 99.8 % of the residuals that were not gated.
 Chosen by hand; not fitted."""
 DEGREES_PER_RADIAN = math.degrees(1.0)
@@ -300,7 +300,7 @@ def _half_height_of_residual_axis(believed: FloatArray, sigma: float) -> float:
     """Return half the height of the axis, in the component's unit."""
     known = np.abs(believed[np.isfinite(believed)])
     most = float(np.quantile(known, 0.998)) if len(known) else 0.0
-    return 1.1 * max(most, MIN_AXIS_SIGMAS * sigma if math.isfinite(sigma) else 0.0) or 1.0
+    return 1.1 * max(most, MIN_HALF_HEIGHT_OF_AXIS_SIGMAS * sigma if math.isfinite(sigma) else 0.0) or 1.0
 
 
 def _residual_dot_traces(

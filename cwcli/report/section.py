@@ -44,7 +44,7 @@ from cwcli.report.views import EventView, LogView, Picture, Player, Plot
 from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
 
-FRAME_OFFSETS_S = (-2.0, -1.0, 0.0, 1.0, 2.0)
+FRAME_TIME_OFFSETS_FROM_WARNING_S = (-2.0, -1.0, 0.0, 1.0, 2.0)
 """Times of the camera frames around a warning, in s. Chosen by hand; not fitted."""
 MAX_MISSED_CONFLICT_LINKS = 5
 """The greatest number of links to conflicts without a warning in a row of the overview. Chosen by hand; not fitted."""
@@ -212,7 +212,7 @@ def _build_event_view(
         hint = "by the estimated tracks; time to collision at constant velocities"
         plots.append(_make_plot(anchor, "distance", "How near they came", hint, distance, suffix))
     frames = []
-    for offset_s in FRAME_OFFSETS_S:
+    for offset_s in FRAME_TIME_OFFSETS_FROM_WARNING_S:
         picture = pictures.get(encounter.raised_ns + round(offset_s * NS_PER_S))
         if picture is not None:
             frames.append(
@@ -313,7 +313,9 @@ def _collect_thumbnails(
     """Return thumbnails by the times that are shown, those of the player, and why some are missing."""
     if not drive.camera_topic:
         return {}, [], ""
-    frame_times_ns = [each.raised_ns + round(offset_s * NS_PER_S) for each in chosen for offset_s in FRAME_OFFSETS_S]
+    frame_times_ns = [
+        each.raised_ns + round(offset_s * NS_PER_S) for each in chosen for offset_s in FRAME_TIME_OFFSETS_FROM_WARNING_S
+    ]
     if not frame_times_ns:
         span = drive.end_ns - drive.start_ns
         frame_times_ns = [drive.start_ns + span * (2 * k + 1) // (2 * detail.n_frames) for k in range(detail.n_frames)]

@@ -9,7 +9,7 @@ from cwcli.lazy_dataclass import dataclass
 
 REPRODUCED = "reproduced"
 """The class of the paper's number or string within the tolerance, on inputs that were not fitted to it."""
-FITTED = "fitted"
+FITTED_CLASS = "fitted"
 """The class of what holds on inputs that were chosen so that it holds."""
 FOLLOWS_FROM_INPUT = "follows"
 """The class of what was put in, or follows by arithmetic from a value that was put in or assumed."""
@@ -25,7 +25,7 @@ NOT_IN_PAPER = "not in the paper"
 """The class of a number of ours for which the paper prints none."""
 CLASS_MEANINGS: dict[str, str] = {
     REPRODUCED: "the paper's number or string, within the tolerance, on inputs that were not fitted to it",
-    FITTED: "it holds on inputs that were chosen so that it holds",
+    FITTED_CLASS: "it holds on inputs that were chosen so that it holds",
     FOLLOWS_FROM_INPUT: "it was put in, or follows by arithmetic from a value that was put in or assumed",
     WITHIN_OWN_BOUND: "within a bound of our own; the paper prints no number",
     BETTER: "a causal method's number, better than the paper's by more than the tolerance",
@@ -34,9 +34,11 @@ CLASS_MEANINGS: dict[str, str] = {
     NOT_IN_PAPER: "the paper prints no such number",
 }
 """Class -> its meaning, in the order of the tables."""
-BINDING_CLASSES = frozenset({REPRODUCED, FITTED, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND, BETTER})
+CLASSES_THAT_MUST_BE_REACHED_WHERE_CLAIMED = frozenset(
+    {REPRODUCED, FITTED_CLASS, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND, BETTER}
+)
 """Classes that must be reached where they are claimed, or the exit code is 1."""
-CLASSES_ON_PAPER_NUMBER = frozenset({REPRODUCED, FITTED, FOLLOWS_FROM_INPUT})
+CLASSES_WITHIN_TOLERANCE_OF_PAPER_NUMBER = frozenset({REPRODUCED, FITTED_CLASS, FOLLOWS_FROM_INPUT})
 """Classes of a number that is within the tolerance around the paper's."""
 GROUP_OF_PAPER_METHOD = ""
 """The group of the numbers that the paper's own method gives: those that its printed numbers are compared with."""
@@ -158,7 +160,7 @@ class Finding:
     def _class_of_what_holds(self) -> str:
         """The class of what agrees with the paper, by what was put in for it."""
         if self.expected.fit_key:
-            return FITTED
+            return FITTED_CLASS
         return FOLLOWS_FROM_INPUT if self.expected.assumption_key else REPRODUCED
 
     @property
@@ -167,8 +169,8 @@ class Finding:
         claim, reached = self.expected.claimed_class, self.verdict_class_of_number
         if not self._is_within_own_bound:
             return claim != DIFFERS
-        may_be = {claim, BETTER} if claim in CLASSES_ON_PAPER_NUMBER else {claim}
-        return claim in BINDING_CLASSES and reached not in may_be
+        may_be = {claim, BETTER} if claim in CLASSES_WITHIN_TOLERANCE_OF_PAPER_NUMBER else {claim}
+        return claim in CLASSES_THAT_MUST_BE_REACHED_WHERE_CLAIMED and reached not in may_be
 
     @property
     def differs_from_claim_without_failing(self) -> bool:

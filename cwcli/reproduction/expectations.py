@@ -15,7 +15,7 @@ from cwcli.reproduction.classes import (
     BETTER,
     CLASS_MEANINGS,
     DIFFERS,
-    FITTED,
+    FITTED_CLASS,
     FOLLOWS_FROM_INPUT,
     GROUP_TITLES,
     GROUPS_THAT_MAY_BE_BETTER,
@@ -31,7 +31,7 @@ EXPECTATION_KEYS = {
     "why", "comparable", "group",
 }  # fmt: skip
 """The keys that a row of an expectations file may have."""
-BEYOND_PAPER_REASON = "beyond"
+BEYOND_PAPER_REASON_KEY = "beyond"
 """Key of the reason of rows without an expectation, in parts that go beyond the paper."""
 TRIED_REASON_PREFIX = "Tried: "
 """A reason for `not determinable` says behind this what was tried."""
@@ -95,7 +95,7 @@ class PaperExpectations:
         found = self.figures[figure]
         if what in found.expectation_by_number or not found.is_beyond_paper:
             return found.expectation_by_number[what]
-        return Expectation(figure, what, "", NOT_IN_PAPER, reason_key=BEYOND_PAPER_REASON)
+        return Expectation(figure, what, "", NOT_IN_PAPER, reason_key=BEYOND_PAPER_REASON_KEY)
 
 
 @cache
@@ -146,7 +146,9 @@ def parse_expectations(document: Mapping[str, Any]) -> PaperExpectations:
     every = [row for figure in figures.values() for row in figure.expectation_by_number.values()]
     _check_keys_defined_and_used("fit", {row.fit_key for row in every} - {""}, fits)
     _check_keys_defined_and_used("assumption", {row.assumption_key for row in every} - {""}, assumptions)
-    _check_keys_defined_and_used("reason", {row.reason_key for row in every} - {""} | {BEYOND_PAPER_REASON}, reasons)
+    _check_keys_defined_and_used(
+        "reason", {row.reason_key for row in every} - {""} | {BEYOND_PAPER_REASON_KEY}, reasons
+    )
     for row in every:
         if row.claimed_class == NOT_DETERMINABLE and TRIED_REASON_PREFIX not in reasons[row.reason_key]:
             raise ValueError(f"{row.figure}, {row.what}: the reason of 'not determinable' does not say what was tried")
@@ -222,10 +224,10 @@ def fault_in_claim_or_empty(row: Expectation, *, has_tolerance: bool) -> str:
         and not is_compared,
         "'reproduced' with fitted or assumed inputs": claim == REPRODUCED
         and (row.fit_key != "" or row.assumption_key != ""),
-        "'fitted' needs the fit": claim == FITTED and not row.fit_key,
+        "'fitted' needs the fit": claim == FITTED_CLASS and not row.fit_key,
         "'follows' needs the assumption": claim == FOLLOWS_FROM_INPUT and not row.assumption_key,
         "fitted and assumed at once": row.fit_key != "" and row.assumption_key != "",
-        f"'{claim}' needs a number or a bound": claim in {FITTED, FOLLOWS_FROM_INPUT}
+        f"'{claim}' needs a number or a bound": claim in {FITTED_CLASS, FOLLOWS_FROM_INPUT}
         and not (is_compared or row.has_bound_of_our_own),
         "'within own bound' needs a bound": claim == WITHIN_OWN_BOUND and not row.has_bound_of_our_own,
         "'within own bound' where the paper prints a number, or with fitted or assumed inputs": claim
@@ -250,5 +252,5 @@ def _check_keys_defined_and_used(kind: str, used: set[str], defined: Mapping[str
     """Check that every used key is defined and every defined one is used."""
     if missing := sorted(used - set(defined)):
         raise ValueError(f"there is no {kind} '{missing[0]}'")
-    if idle := sorted(set(defined) - used - {BEYOND_PAPER_REASON}):
+    if idle := sorted(set(defined) - used - {BEYOND_PAPER_REASON_KEY}):
         raise ValueError(f"the {kind} '{idle[0]}' is not used")

@@ -12,8 +12,8 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.pipeline.result import Cell, StageSummary, SummaryTable
 from cwcli.reproduction.classes import (
-    BINDING_CLASSES,
     CLASS_MEANINGS,
+    CLASSES_THAT_MUST_BE_REACHED_WHERE_CLAIMED,
     GROUP_OF_PAPER_METHOD,
     GROUP_TITLES,
     Expectation,
@@ -80,7 +80,7 @@ def assemble_reproduction(
         f"reproduce {paper}",
         (
             *(_figure_section(expected, name, findings_of_papers_own_method(findings, name)) for name in names),
-            *group_sections(findings),
+            *tables_of_other_groups(findings),
             *sections,
             *_fits_and_reasons_sections(expected, findings),
             class_counts_table(findings),
@@ -100,7 +100,8 @@ def assemble_reproduction(
 def exit_code_sentence(findings: Sequence[Finding]) -> str:
     """Return the sentence that says which exit code follows, and why."""
     n_binding = sum(
-        finding.expected.claimed_class in BINDING_CLASSES or finding.expected.has_bound_of_our_own
+        finding.expected.claimed_class in CLASSES_THAT_MUST_BE_REACHED_WHERE_CLAIMED
+        or finding.expected.has_bound_of_our_own
         for finding in findings
     )
     failed = [
@@ -152,7 +153,7 @@ def class_counts_table(findings: Sequence[Finding]) -> SummaryTable:
     return SummaryTable("classes", "How many numbers are of each class", columns, rows)
 
 
-def group_sections(findings: Sequence[Finding]) -> tuple[SummaryTable, ...]:
+def tables_of_other_groups(findings: Sequence[Finding]) -> tuple[SummaryTable, ...]:
     """Build the sections of the groups that are counted apart from the paper's own method."""
     sections = []
     for group, title in GROUP_TITLES.items():

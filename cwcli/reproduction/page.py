@@ -19,13 +19,13 @@ from cwcli.reproduction.findings_report import (
 
 PICTURE_FOLDER_NAME = "figures"
 """Name of the folder of pictures next to the page."""
-KEYS_OF_REPEATED_SECTIONS = frozenset({"looks", "settings"})
+KEYS_OF_SECTIONS_WHOSE_NUMBERS_ARE_ALL_IN_FINDINGS = frozenset({"looks", "settings"})
 """Keys of sections whose numbers are all among the findings of the figure `where`."""
 FINDINGS_GRID_CELLS_NOTE = "behind a number its bound and key, if any"
 """Sentence part above a grid of findings that says what its cells hold."""
-COLUMNS_THAT_MAY_BE_EMPTY = frozenset({"paper", "tolerance", "why"})
+COLUMNS_LEFT_OUT_WHERE_ALL_ROWS_ARE_EMPTY = frozenset({"paper", "tolerance", "why"})
 """Columns of findings that a table leaves out where no row has anything in them."""
-COLUMNS_THAT_MAY_BE_SHARED = frozenset({"tolerance", "class", "why"})
+COLUMNS_SHOWN_ONCE_ABOVE_TABLE_WHERE_ALL_ROWS_AGREE = frozenset({"tolerance", "class", "why"})
 """Columns of findings that stand once above a table where all rows have the same."""
 
 
@@ -126,9 +126,9 @@ def _format_findings(table: SummaryTable) -> list[str]:
     shared, particular = [], []
     for at, column in enumerate(table.columns):
         cells = {row[at] for row in table.rows}
-        if column in COLUMNS_THAT_MAY_BE_EMPTY and cells <= {"", "-"}:
+        if column in COLUMNS_LEFT_OUT_WHERE_ALL_ROWS_ARE_EMPTY and cells <= {"", "-"}:
             continue
-        if column in COLUMNS_THAT_MAY_BE_SHARED and len(cells) == 1 < len(table.rows):
+        if column in COLUMNS_SHOWN_ONCE_ABOVE_TABLE_WHERE_ALL_ROWS_AGREE and len(cells) == 1 < len(table.rows):
             shared.append(f"{column}: {cells.pop()}")
         else:
             particular.append(at)
@@ -147,7 +147,7 @@ def sections_at_page_end(reproduction: Reproduction) -> list[SummaryTable]:
         "classes",
         PROCESSOR_TIMES_SECTION_KEY,
         *figures,
-        *KEYS_OF_REPEATED_SECTIONS,
+        *KEYS_OF_SECTIONS_WHOSE_NUMBERS_ARE_ALL_IN_FINDINGS,
     }
     return [
         section

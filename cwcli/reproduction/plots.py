@@ -107,11 +107,11 @@ broad under what is estimated. True is blue, detected green and estimated red, a
 INSET_LEFT_BOTTOM_WIDTH_HEIGHT_SHARES = (0.5, 0.45, 0.48, 0.5)
 """Left, bottom, width and height of a detail, as shares of the plot: the upper right, where distances under control
 leave room. Chosen by hand."""
-VERTICAL_LINE_COLOURS = ("black", "tab:purple")
+VERTICAL_LINE_COLOURS_OF_OURS_AND_PAPER = ("black", "tab:purple")
 """Colours of the vertical lines: ours, the paper's."""
 MAX_TITLE_CHARACTERS = 90
 """Characters of a title's line that fit above the plot. Chosen by hand."""
-LONG_LABEL_CHARACTERS = 15
+MIN_CHARACTERS_OF_LONG_LEGEND_LABEL = 15
 """Labels from this length on, in characters, leave room for three columns in the legend instead of five.
 Chosen by hand; not fitted."""
 MIN_MAP_HEIGHT_SHARE = 0.15
@@ -138,7 +138,7 @@ def _draw_and_write_plot(
         axes.set_aspect("equal")
     for curve in plot.curves:
         _draw_curve(axes, curve, plot.level)
-    for (label, x), colour in zip(plot.marks.items(), VERTICAL_LINE_COLOURS, strict=False):
+    for (label, x), colour in zip(plot.marks.items(), VERTICAL_LINE_COLOURS_OF_OURS_AND_PAPER, strict=False):
         axes.axvline(x, color=colour, linestyle=":", linewidth=1.2, label=label)
     if plot.level is not None:
         label, y = plot.level
@@ -160,7 +160,7 @@ def _draw_and_write_plot(
     if plot.detail is not None:
         _draw_detail(axes, plot.detail)
     labels = axes.get_legend_handles_labels()[1]
-    columns = 5 if max(map(len, labels), default=0) < LONG_LABEL_CHARACTERS else 3
+    columns = 5 if max(map(len, labels), default=0) < MIN_CHARACTERS_OF_LONG_LEGEND_LABEL else 3
     figure.legend(loc="outside lower center", ncols=max(min(len(labels), columns), 1), fontsize="small")
     sink = io.BytesIO()
     metadata = {"Date": None} if file_format == "svg" else {"Software": "cwcli"}

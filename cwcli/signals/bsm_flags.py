@@ -53,7 +53,11 @@ HARD_BRAKING_FLAG_NAME = "eventHardBraking"
 
 JSON_PATHS_OF_CODED_EVENT_FLAGS = ("partII.partII-Value.events", "partII.partII-Value.VehicleSafetyExtensions.events")
 """The paths at which a JSON BSM has all flags in one text or number, directly or as `value`."""
-NAMED_FLAGS_PATHS = ("payload.data.partII.value.events", "partII.value.events", "partII.partII-Value.events")
+JSON_PARENT_PATHS_OF_SEPARATE_EVENT_FLAG_FIELDS = (
+    "payload.data.partII.value.events",
+    "partII.value.events",
+    "partII.partII-Value.events",
+)
 """The paths below which a JSON message has each flag as a field of its own."""
 _ROS_EXTENSIONS_PREFIX = "part_ii.vehicle_safety_extensions."
 """The path prefix of the vehicle safety extensions in a ROS BSM."""
@@ -77,7 +81,7 @@ def json_event_flag_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
     """Return the paths of every leaf in which a JSON BSM behind one of the prefixes can have its event flags."""
     return (
         *_coded_flags_paths(prefixes),
-        *(f"{place}.{flag}" for place in NAMED_FLAGS_PATHS for flag in EVENT_FLAG_NAMES),
+        *(f"{place}.{flag}" for place in JSON_PARENT_PATHS_OF_SEPARATE_EVENT_FLAG_FIELDS for flag in EVENT_FLAG_NAMES),
     )
 
 
@@ -89,7 +93,7 @@ def read_json_event_flags_and_unreadable(columns: Columns, prefixes: tuple[str, 
     for path in _coded_flags_paths(prefixes):
         flags, is_odd = _decode_coded_flags_and_unreadable(columns.fields.get(path), n)
         found, is_unread = found | flags, is_unread | is_odd
-    for place in NAMED_FLAGS_PATHS:
+    for place in JSON_PARENT_PATHS_OF_SEPARATE_EVENT_FLAG_FIELDS:
         for k, flag in enumerate(EVENT_FLAG_NAMES):
             is_set, is_odd = _read_single_flag_and_unreadable(columns.fields.get(f"{place}.{flag}"), n)
             found, is_unread = found | is_set.astype(np.int64) << (N_EVENT_FLAGS - 1 - k), is_unread | is_odd

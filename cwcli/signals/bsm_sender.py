@@ -18,7 +18,7 @@ HEADING_LATCH_SPEED_MPS, HEADING_RELEASE_SPEED_MPS = 0.5556, 0.6944
 """The speeds below which a sender freezes its heading and above which it releases it, in m/s (SAE J2945/1)."""
 ACCEL_FILTER_STEP_S = 1e-3
 """The default sampling interval of the filter, in seconds; chosen by hand."""
-MAX_PAUSE_OF_UNFILTERED_MESSAGES_S = 0.5
+MAX_MESSAGE_PAUSE_FOR_UNDOING_ACCEL_FILTER_S = 0.5
 """The longest pause between messages, in seconds, across which the filter is undone. Chosen by hand; not fitted."""
 
 
@@ -87,8 +87,8 @@ def undo_low_pass_filter_and_noise_gain(time_s: FloatArray, accel_mps2: FloatArr
         noise = np.sqrt((1.0 + c0) ** 2 + c1**2 + c2**2)
     usable = (
         np.isfinite(found)
-        & (one <= MAX_PAUSE_OF_UNFILTERED_MESSAGES_S)
-        & (two <= MAX_PAUSE_OF_UNFILTERED_MESSAGES_S)
+        & (one <= MAX_MESSAGE_PAUSE_FOR_UNDOING_ACCEL_FILTER_S)
+        & (two <= MAX_MESSAGE_PAUSE_FOR_UNDOING_ACCEL_FILTER_S)
         & (one > 0.0)
         & (two > 0.0)
     )

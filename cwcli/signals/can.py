@@ -16,7 +16,7 @@ from cwcli.errors import UsageError, install_hint
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import BoolArray, Columns, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaf_fields import read_numbers
-from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_FACTORS_BY_KIND, FieldMapping, Term
+from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, SI_FACTORS_BY_UNIT_BY_KIND, FieldMapping, Term
 
 DbcMessage = Any
 """A message of a DBC file, as cantools describes it."""
@@ -316,12 +316,15 @@ def _terms_with_dbc_units(
         if term.has_scale or not unit:
             terms.append(term)
             continue
-        if name not in UNIT_FACTORS_BY_KIND[kind]:
+        if name not in SI_FACTORS_BY_UNIT_BY_KIND[kind]:
             what = f"the unit of {term.path} is {unit!r}, which is not one of {kind}"
             raise _error_about_mapping(
-                columns, mapping, what, f"give one: {term.path}* and one of {', '.join(UNIT_FACTORS_BY_KIND[kind])}"
+                columns,
+                mapping,
+                what,
+                f"give one: {term.path}* and one of {', '.join(SI_FACTORS_BY_UNIT_BY_KIND[kind])}",
             )
-        terms.append(replace(term, factor=term.factor * UNIT_FACTORS_BY_KIND[kind][name]))
+        terms.append(replace(term, factor=term.factor * SI_FACTORS_BY_UNIT_BY_KIND[kind][name]))
         notes.append(f"{term.path} is in {unit}, as the DBC file says")
     return tuple(terms), tuple(notes)
 

@@ -8,8 +8,8 @@ The rules, in order, for the rows of one sender (docs/signals.md has the table):
 0. A row whose log time is no time (an unsigned number that was meant to be negative) is rejected.
 1. A row without a stamp (zero, not a number, before 1970 or after 2261) takes its log time, less the channel's usual
    delay where other rows have one.
-2. A stamp that jumps by more than `MAX_CLOCK_STEP_S` against the log time while the log time runs on has left its
-   clock. The rows of that stretch are moved back onto the clock that most rows keep, so their spacing stays.
+2. A stamp that jumps by more than `MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S` against the log time while that runs on
+   has left its clock. The rows of that stretch are moved back onto the clock that most rows keep, with their spacing.
 3. A stamp that repeats with the same values is the same message: dropped. With other values (a clock of one second for
    a ten-hertz sensor, a frozen clock) the later rows are spaced by their log times after the first.
 4. Rows that arrive out of order are sorted by stamp.
@@ -34,16 +34,16 @@ Clock = Literal["stamp", "log"]
 SignalT = TypeVar("SignalT")
 """The type of a signal."""
 
-MAX_CLOCK_STEP_S = 30.0
+MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S = 30.0
 """The largest change of (stamp - log time) between neighbours that counts as a delay, in seconds; a larger one is a
 clock fault. Recorders stall for seconds and receivers step from GPS time to UTC by 18 s; both stay below."""
-MIN_OTHER_CLOCK_OFFSET_S = 1.0
+MIN_STAMP_TO_LOG_TIME_OFFSET_OF_TWO_CLOCKS_S = 1.0
 """The difference of stamps and log times, in seconds, from which they count as two clocks: no system is so slow. Chosen
 by hand."""
-MIN_STRAY_TO_LONGEST_PAUSE_RATIO = 10
+MIN_RATIO_OF_STRAY_LOG_TIME_GAP_TO_LONGEST_PAUSE = 10
 """The ratio (1) to the longest pause within the rest of the log by which a stray lies apart, and at least by
-`MAX_CLOCK_STEP_S`; chosen by hand, so that rarely logged messages are no strays."""
-MIN_MESSAGES_PER_STRAY = 100
+`MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S`; chosen by hand, so that rarely logged messages are no strays."""
+MIN_MESSAGES_PER_STRAY_LOG_TIME_AT_LOG_END = 100
 """The number of messages for each stray that is allowed at either end of a log (one in a short log); chosen by hand."""
 MIN_STAMP_NS = 1
 """The smallest valid stamp, in ns since 1970; 0 means that it is not set."""
@@ -104,7 +104,7 @@ def repair_and_order_times(
     values_to_detect_repeats: Sequence[FloatArray],
     *,
     sender: npt.NDArray[np.integer] | None = None,
-    max_step_s: float = MAX_CLOCK_STEP_S,
+    max_step_s: float = MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S,
 ) -> Timeline:
     """Give each kept row of a channel its time, in order, and count what was repaired or rejected.
 
@@ -115,7 +115,7 @@ def repair_and_order_times(
         clock: `stamp`, or `log` to use the log time throughout (steps 3 to 5 still apply).
         values_to_detect_repeats: Arrays of n rows that tell a repeated message from a new one.
         sender: Shape (n,): a code per row; each sender has a clock of its own. None means one sender.
-        max_step_s: See `MAX_CLOCK_STEP_S`.
+        max_step_s: See `MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S`.
 
     Returns:
         The rows that remain, sorted by time (by time, then file order, over all senders).
@@ -143,8 +143,8 @@ def first_and_last_log_time_without_strays(log_time_ns: Sequence[Int64Array]) ->
     """Return the first and last log time (ns) of a log without its strays.
 
     A stray is a message before or after all others, alone or with a few more, and far away: see
-    `MIN_STRAY_TO_LONGEST_PAUSE_RATIO` and
-    `MIN_MESSAGES_PER_STRAY`. Its log time is no time of the drive, so step 2 would move a good stamp onto a bad clock.
+    `MIN_RATIO_OF_STRAY_LOG_TIME_GAP_TO_LONGEST_PAUSE` and `MIN_MESSAGES_PER_STRAY_LOG_TIME_AT_LOG_END`. Its log time is
+    no time of the drive, so step 2 would move a good stamp onto a bad clock.
 
     Args:
         log_time_ns: The log times of each channel, in order; read as the unsigned numbers that a log holds.
@@ -156,10 +156,13 @@ def first_and_last_log_time_without_strays(log_time_ns: Sequence[Int64Array]) ->
     n = len(times)
     if not n:
         return 0, 0
-    most = min(max(1, n // MIN_MESSAGES_PER_STRAY), (n - 1) // 2)
+    most = min(max(1, n // MIN_MESSAGES_PER_STRAY_LOG_TIME_AT_LOG_END), (n - 1) // 2)
     pause_ns = np.diff(times)
     within_ns = int(pause_ns[most : n - 1 - most].max(initial=0))
-    is_apart = pause_ns > max(round(MAX_CLOCK_STEP_S * NS_PER_S), MIN_STRAY_TO_LONGEST_PAUSE_RATIO * within_ns)
+    is_apart = pause_ns > max(
+        round(MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S * NS_PER_S),
+        MIN_RATIO_OF_STRAY_LOG_TIME_GAP_TO_LONGEST_PAUSE * within_ns,
+    )
     before, after = np.flatnonzero(is_apart[:most]), np.flatnonzero(is_apart[n - 1 - most :])
     first = int(before[-1]) + 1 if len(before) else 0
     last = n - 1 - most + int(after[0]) if len(after) else n - 1
@@ -197,7 +200,7 @@ def find_stamp_gaps(
 
 
 def lines_on_channels_with_other_clock(
-    qualities: Sequence[Quality], *, tolerance_s: float = MAX_CLOCK_STEP_S
+    qualities: Sequence[Quality], *, tolerance_s: float = MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S
 ) -> tuple[str, ...]:
     """Return a line for each channel whose stamps count from another epoch than the others' (a time since boot, not
     UTC).
@@ -217,7 +220,7 @@ def lines_on_channels_with_other_clock(
 
 
 def repaired_stamps_and_moved_mask(
-    stamp_ns: Int64Array, log_time_ns: Int64Array, *, max_step_s: float = MAX_CLOCK_STEP_S
+    stamp_ns: Int64Array, log_time_ns: Int64Array, *, max_step_s: float = MAX_FAULTLESS_STEP_OF_STAMP_OFFSET_S
 ) -> tuple[Int64Array, BoolArray]:
     """Move stretches whose clock has jumped back onto the clock that most rows keep.
 
@@ -321,17 +324,16 @@ def earliest_known_times_ns(stamp_ns: Int64Array, log_time_ns: Int64Array) -> In
     """Return when rows could have been known, on the clock of their stamps, in ns, (n,).
 
     That is their log time, but not before their stamp nor before what came earlier was known. Where the least
-    difference of log time and stamp so far is above `MIN_OTHER_CLOCK_OFFSET_S`, these are two clocks, and it is taken
-    off: what
-    was always late by as much does not show. It is the least so far, because a moment may not depend on what comes
-    later.
+    difference of log time and stamp so far is above `MIN_STAMP_TO_LOG_TIME_OFFSET_OF_TWO_CLOCKS_S`, these are two
+    clocks, and it is taken off: what was always late by as much does not show. It is the least so far, because a moment
+    may not depend on what comes later.
 
     Args:
         stamp_ns, log_time_ns: Shape (n,), by stamp.
     """
     known_ns = np.maximum.accumulate(log_time_ns)
     least_ns = np.minimum.accumulate(known_ns - stamp_ns)
-    apart_ns = np.where(np.abs(least_ns) > MIN_OTHER_CLOCK_OFFSET_S * NS_PER_S, least_ns, 0)
+    apart_ns = np.where(np.abs(least_ns) > MIN_STAMP_TO_LOG_TIME_OFFSET_OF_TWO_CLOCKS_S * NS_PER_S, least_ns, 0)
     return np.asarray(np.maximum.accumulate(np.maximum(known_ns - apart_ns, stamp_ns)))
 
 

@@ -26,11 +26,11 @@ from cwcli.signals.v2x_elements import decode_codes_to_values, decode_enumeratio
 from cwcli.signals.v2x_tables import load_message_table, ros_leaf_path, ros_presence_paths
 from cwcli.signals.v2x_time import message_times_or_log_times_ns, stamps_ns_and_validity_from_timestamp_its
 
-_TABLE = load_message_table("cpm", "etsi")
+_CPM_QUANTITY_TABLE = load_message_table("cpm", "etsi")
 """The quantities of a CPM's sender and objects: their data elements, and their paths."""
-ELEMENTS = _TABLE.elements
+DATA_ELEMENTS_BY_CPM_QUANTITY = _CPM_QUANTITY_TABLE.elements
 """The data element of each coded quantity of a CPM (TS 103 324, TS 102 894-2)."""
-CPM_PATHS = _TABLE.columns["cpm"]
+CPM_PATHS = _CPM_QUANTITY_TABLE.columns["cpm"]
 """The component of a CPM, by quantity."""
 OBJECTS_PATH = "payload.cpmContainers.containerData.perceivedObjects"
 """The component that is the list of perceived objects."""
@@ -38,13 +38,20 @@ ROS_OBJECTS_PATH = (
     "payload.cpm_containers.value.array.container_data_perceived_object_container.perceived_objects.array"
 )
 """The path of the perceived objects in the ROS message."""
-YAW_RATE_95_DEGPS_BY_CODE: dict[int, float] = {0: 1.0, 1: 2.0, 2: 5.0, 3: 10.0, 4: 20.0, 5: 50.0}
+YAW_RATE_95_PERCENT_BOUND_BY_CONFIDENCE_CODE_DEGPS: dict[int, float] = {
+    0: 1.0,
+    1: 2.0,
+    2: 5.0,
+    3: 10.0,
+    4: 20.0,
+    5: 50.0,
+}
 """The 95 % bound of a yaw rate in degrees/s, by code of AngularSpeedConfidence; 6 is out of range, 7 unavailable."""
 YAW_RATE_OUT_OF_RANGE_CODE = 6
 """The code of AngularSpeedConfidence that says that the yaw rate can't be trusted."""
 MIN_SPEED_FOR_DIRECTION_MPS = 1.0
 """The speed in m/s above which an object's velocity says where it is heading. Chosen by hand; not fitted."""
-MAX_FORWARD_ANGLE_RAD = 0.5 * np.pi
+MAX_VELOCITY_TO_HEADING_ANGLE_OF_FORWARD_MOTION_RAD = 0.5 * np.pi
 """The largest angle in rad between velocity and heading of forward motion: a quarter turn."""
 
 _OBJECT_PATHS = {
@@ -52,14 +59,16 @@ _OBJECT_PATHS = {
 }
 """The component of an object, below the list of objects, by quantity."""
 ROS_SENDER_PATHS = {
-    name: [ros_leaf_path(each[name]) for each in (_TABLE.columns["cpm_older"], CPM_PATHS) if name in each]
+    name: [ros_leaf_path(each[name]) for each in (_CPM_QUANTITY_TABLE.columns["cpm_older"], CPM_PATHS) if name in each]
     for name in CPM_PATHS
     if name not in _OBJECT_PATHS
 }
 """The leaf fields that can hold a quantity of the sender in the ROS message."""
 ROS_OBJECT_PATHS = {name: f"{ROS_OBJECTS_PATH}.{ros_leaf_path(path)}" for name, path in _OBJECT_PATHS.items()}
 """The leaf field of an object in the ROS message, by quantity."""
-ROS_PRESENCE_PATHS = {name: f"{ROS_OBJECTS_PATH}.{flag}" for name, flag in ros_presence_paths(_OBJECT_PATHS).items()}
+ROS_PRESENCE_FLAG_PATHS_BY_OBJECT_QUANTITY = {
+    name: f"{ROS_OBJECTS_PATH}.{flag}" for name, flag in ros_presence_paths(_OBJECT_PATHS).items()
+}
 """The flag of an object in the ROS message without which a quantity is not valid, by quantity."""
 QUANTITIES_BY_VECTOR_FORM: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "velocity": (("speed_mps", "direction_deg"), ("east_mps", "north_mps")),
@@ -76,7 +85,7 @@ def _presence_and_form_paths(vector: str) -> tuple[str, str]:
 ROS_LEAF_FIELDS = (
     *(path for paths in ROS_SENDER_PATHS.values() for path in paths),
     *ROS_OBJECT_PATHS.values(),
-    *ROS_PRESENCE_PATHS.values(),
+    *ROS_PRESENCE_FLAG_PATHS_BY_OBJECT_QUANTITY.values(),
     *(path for vector in QUANTITIES_BY_VECTOR_FORM for path in _presence_and_form_paths(vector)),
 )
 """The leaf fields of the ROS message that are read."""
@@ -90,7 +99,7 @@ def read_ros_cpm_objects(columns: Columns) -> Objects:
         return ()
     values = {name: read_numbers(columns, *paths)[rows] for name, paths in ROS_SENDER_PATHS.items()}
     values |= {name: objects.read_numbers(path) for name, path in ROS_OBJECT_PATHS.items()}
-    for name, path in ROS_PRESENCE_PATHS.items():
+    for name, path in ROS_PRESENCE_FLAG_PATHS_BY_OBJECT_QUANTITY.items():
         is_there = objects.read_numbers(path) != 0
         values[name] = np.where(is_there, values[name], np.nan)
     for vector, forms in QUANTITIES_BY_VECTOR_FORM.items():
@@ -107,27 +116,34 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     where the velocity points backward. The acceleration along it is the vector's part in that direction.
     A confidence of "out of range" takes its value away, and that of a position the object.
     """
-    raw = {name: read_numbers(columns, name) for name in ELEMENTS}
-    value = {name: decode_codes_to_values(element, raw[name], ledger) for name, element in ELEMENTS.items()}
+    raw = {name: read_numbers(columns, name) for name in DATA_ELEMENTS_BY_CPM_QUANTITY}
+    value = {
+        name: decode_codes_to_values(element, raw[name], ledger)
+        for name, element in DATA_ELEMENTS_BY_CPM_QUANTITY.items()
+    }
     untrusted = np.zeros(len(columns), np.bool_)
     for name in ("east_95_m", "north_95_m", "semi_major_m", "semi_minor_m"):
-        untrusted |= np.isin(raw[name], ELEMENTS[name].out_of_range)
+        untrusted |= np.isin(raw[name], DATA_ELEMENTS_BY_CPM_QUANTITY[name].out_of_range)
     ledger.reject(untrusted, UNTRUSTED_POSITION_REASON)
     for name, confidence in (
         *(("speed_mps", "speed_95_mps"), ("direction_deg", "direction_95_deg"), ("heading_deg", "heading_95_deg")),
         *(("east_mps", "east_95_mps"), ("north_mps", "north_95_mps"), ("accel_mps2", "accel_95_mps2")),
         *(("east_mps2", "east_95_mps2"), ("north_mps2", "north_95_mps2")),
     ):
-        value[name] = np.where(np.isin(raw[confidence], ELEMENTS[confidence].out_of_range), np.nan, value[name])
+        value[name] = np.where(
+            np.isin(raw[confidence], DATA_ELEMENTS_BY_CPM_QUANTITY[confidence].out_of_range), np.nan, value[name]
+        )
     yaw_code = read_numbers(columns, "yaw_rate_confidence")
-    yaw_rate_95 = decode_enumeration(YAW_RATE_95_DEGPS_BY_CODE, yaw_code)
+    yaw_rate_95 = decode_enumeration(YAW_RATE_95_PERCENT_BOUND_BY_CONFIDENCE_CODE_DEGPS, yaw_code)
     yaw_rate = np.where(yaw_code == YAW_RATE_OUT_OF_RANGE_CODE, np.nan, value["yaw_rate_degps"])
     east, north, speed_sigma, direction_sigma = _velocity_and_sigmas(value)
     speed, direction = np.hypot(east, north), np.arctan2(north, east)
     is_moving = speed > MIN_SPEED_FOR_DIRECTION_MPS
     own = wrap_angle(np.deg2rad(value["heading_deg"]))
     heading = np.where(np.isfinite(own), own, np.where(is_moving, direction, np.nan))
-    is_backward = is_moving & (np.abs(wrap_angle(direction - heading)) > MAX_FORWARD_ANGLE_RAD)
+    is_backward = is_moving & (
+        np.abs(wrap_angle(direction - heading)) > MAX_VELOCITY_TO_HEADING_ANGLE_OF_FORWARD_MOTION_RAD
+    )
     polar = np.deg2rad(value["accel_direction_deg"])
     accel = np.where(
         np.isfinite(value["accel_mps2"]),

@@ -61,11 +61,11 @@ RELEVANCE_DISTANCE_M_BY_CODE: dict[int, float] = dict(
     enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0, np.inf))
 )
 """The distance in metres within which a DENM matters, by RelevanceDistance; code 7 is over 10 km."""
-_TABLE = load_message_table("denm", "etsi")
+_DENM_QUANTITY_TABLE = load_message_table("denm", "etsi")
 """The quantities of a DENM: their data elements, and their paths."""
-DENM_PATHS = _TABLE.columns["denm"]
+DENM_PATHS = _DENM_QUANTITY_TABLE.columns["denm"]
 """The component of a DENM, by quantity."""
-_PLACE_QUANTITIES = ("latitude_deg", "longitude_deg")
+_MEASURED_DENM_QUANTITIES_THAT_ARE_NO_CODES = ("latitude_deg", "longitude_deg")
 """The quantities that are measured; all others are codes that must be whole numbers."""
 ROS_LEAF_FIELDS = ros_leaf_fields_of_components(DENM_PATHS)
 """The leaf fields of the ROS message that are read."""
@@ -83,8 +83,8 @@ def _read_denm_codes_by_quantity(columns: Columns, ledger: RowLedger | None = No
     raw = {name: read_numbers(columns, ros_leaf_path(path)) for name, path in DENM_PATHS.items()}
     for name, flag in ros_presence_paths(DENM_PATHS).items():
         raw[name] = np.where(read_numbers(columns, flag) == 0, np.nan, raw[name])
-    for name, element in _TABLE.elements.items():
-        if name not in _PLACE_QUANTITIES:
+    for name, element in _DENM_QUANTITY_TABLE.elements.items():
+        if name not in _MEASURED_DENM_QUANTITIES_THAT_ARE_NO_CODES:
             raw[name] = decode_identifier_codes(element, raw[name], ledger)
     return raw
 
@@ -112,8 +112,12 @@ def road_events_from_denm_codes(codes_by_quantity: dict[str, FloatArray], log_ti
         ),
         cause=codes_by_quantity["cause"],
         sub_cause=codes_by_quantity["sub_cause"],
-        latitude_deg=decode_codes_to_values(_TABLE.elements["latitude_deg"], codes_by_quantity["latitude_deg"]),
-        longitude_deg=decode_codes_to_values(_TABLE.elements["longitude_deg"], codes_by_quantity["longitude_deg"]),
+        latitude_deg=decode_codes_to_values(
+            _DENM_QUANTITY_TABLE.elements["latitude_deg"], codes_by_quantity["latitude_deg"]
+        ),
+        longitude_deg=decode_codes_to_values(
+            _DENM_QUANTITY_TABLE.elements["longitude_deg"], codes_by_quantity["longitude_deg"]
+        ),
         relevance_m=decode_enumeration(RELEVANCE_DISTANCE_M_BY_CODE, codes_by_quantity["relevance"]),
     )
 
@@ -155,8 +159,8 @@ def event_counts_notice_or_empty(events: RoadEvents) -> str:
 
 def _count_faults_and_set_all_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
     raw = _read_denm_codes_by_quantity(columns, ledger)
-    for name in _PLACE_QUANTITIES:
-        decode_codes_to_values(_TABLE.elements[name], raw[name], ledger)
+    for name in _MEASURED_DENM_QUANTITIES_THAT_ARE_NO_CODES:
+        decode_codes_to_values(_DENM_QUANTITY_TABLE.elements[name], raw[name], ledger)
     ledger.count_repaired(np.isnan(raw["reference_time_ms"]), NO_TIME_REASON)
     said = event_counts_notice_or_empty(road_events_from_denm_codes(raw, columns.log_time_ns))
     if said:

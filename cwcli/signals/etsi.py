@@ -26,22 +26,33 @@ from cwcli.signals.v2x_tables import (
 )
 from cwcli.signals.v2x_time import message_times_or_log_times_ns, stamps_ns_and_validity_from_generation_delta_time
 
-_TABLE = load_message_table("cam", "etsi")
+_CAM_AND_VAM_QUANTITY_TABLE = load_message_table("cam", "etsi")
 """The quantities of a CAM and a VAM: their data elements, and their paths in each version."""
-ELEMENTS = _TABLE.elements
+DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY = _CAM_AND_VAM_QUANTITY_TABLE.elements
 """The data element of each coded quantity of a CAM or VAM (TS 102 894-2)."""
-CAM_PATHS, VAM_PATHS = _TABLE.columns["cam"], _TABLE.columns["vam"]
+CAM_PATHS, VAM_PATHS = _CAM_AND_VAM_QUANTITY_TABLE.columns["cam"], _CAM_AND_VAM_QUANTITY_TABLE.columns["vam"]
 """The component of a CAM (EN 302 637-2) and of a VAM (TS 103 300-3), by quantity; a VAM has no size and no driving
 direction."""
-CAM_TS_PATHS = CAM_PATHS | _TABLE.columns["cam_ts"]
+CAM_TS_PATHS = CAM_PATHS | _CAM_AND_VAM_QUANTITY_TABLE.columns["cam_ts"]
 """The component of a CAM of release 2 (TS 103 900), by quantity; two containers have other names inside."""
-_VERSIONS = (CAM_PATHS, CAM_TS_PATHS, VAM_PATHS)
+_PATHS_BY_QUANTITY_OF_EACH_MESSAGE_VERSION = (CAM_PATHS, CAM_TS_PATHS, VAM_PATHS)
 """The components in each version that has a ROS message."""
-_ROS_LEAF_PATHS = {name: [ros_leaf_path(paths[name]) for paths in _VERSIONS if name in paths] for name in CAM_PATHS}
+_ROS_LEAF_PATHS = {
+    name: [ros_leaf_path(paths[name]) for paths in _PATHS_BY_QUANTITY_OF_EACH_MESSAGE_VERSION if name in paths]
+    for name in CAM_PATHS
+}
 """The leaf fields that can hold a quantity in the ROS messages."""
 STATION_ID_PATHS = ("header.station_id.value", "header.station_id")
 """The paths of the station id in the ROS messages."""
-YAW_RATE_95_DEGPS_BY_CODE: dict[int, float] = {0: 0.01, 1: 0.05, 2: 0.1, 3: 1.0, 4: 5.0, 5: 10.0, 6: 100.0}
+YAW_RATE_95_PERCENT_BOUND_BY_CONFIDENCE_CODE_DEGPS: dict[int, float] = {
+    0: 0.01,
+    1: 0.05,
+    2: 0.1,
+    3: 1.0,
+    4: 5.0,
+    5: 10.0,
+    6: 100.0,
+}
 """The 95 % bound of a yaw rate in degrees/s, by code of YawRateConfidence; 7 is out of range, 8 unavailable."""
 YAW_RATE_OUT_OF_RANGE_CODE = 7
 """The code of YawRateConfidence that says that the yaw rate can't be trusted."""
@@ -49,13 +60,15 @@ DRIVE_BACKWARD_CODE = 1
 """The code of DriveDirection for driving backward."""
 ROADSIDE_UNIT_STATION_TYPE = 15
 """The station type of a roadside unit (TS 102 894-2)."""
-VEHICLE_CONTAINER_CHOICE = 0
+CHOICE_INDEX_OF_VEHICLE_HIGH_FREQUENCY_CONTAINER = 0
 """The index of the vehicle's container among the high-frequency containers."""
 
 UNTRUSTED_POSITION_REASON = "position confidence out of range"
 """The reason for rejecting a message whose position can't be trusted."""
 
-CAM_LEAF_FIELDS, CAM_TS_LEAF_FIELDS, VAM_LEAF_FIELDS = map(ros_leaf_fields_of_components, _VERSIONS)
+CAM_LEAF_FIELDS, CAM_TS_LEAF_FIELDS, VAM_LEAF_FIELDS = map(
+    ros_leaf_fields_of_components, _PATHS_BY_QUANTITY_OF_EACH_MESSAGE_VERSION
+)
 """The leaf fields of each ROS message that are read."""
 
 
@@ -65,7 +78,8 @@ def identify_cam_senders(columns: Columns) -> Senders:
     return Senders(
         station=read_station_ids(columns, *STATION_ID_PATHS),
         is_own=np.zeros(len(columns), dtype=np.bool_),
-        is_roadside=(station_type == ROADSIDE_UNIT_STATION_TYPE) | (container > VEHICLE_CONTAINER_CHOICE),
+        is_roadside=(station_type == ROADSIDE_UNIT_STATION_TYPE)
+        | (container > CHOICE_INDEX_OF_VEHICLE_HIGH_FREQUENCY_CONTAINER),
     )
 
 
@@ -86,7 +100,10 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
         Decoded rows.
     """
     raw = {name: read_numbers(columns, *leaves) for name, leaves in _ROS_LEAF_PATHS.items() if name != "station"}
-    value = {name: decode_codes_to_values(element, raw[name], ledger) for name, element in ELEMENTS.items()}
+    value = {
+        name: decode_codes_to_values(element, raw[name], ledger)
+        for name, element in DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY.items()
+    }
     read_station_ids(columns, *STATION_ID_PATHS, ledger=ledger)
 
     for name, confidence in (
@@ -94,17 +111,25 @@ def decode_cam_or_vam(columns: Columns, ledger: RowLedger) -> RemoteRows:
         ("speed_mps", "speed_95_mps"),
         ("accel_mps2", "accel_95_mps2"),
     ):
-        value[name] = np.where(np.isin(raw[confidence], ELEMENTS[confidence].out_of_range), np.nan, value[name])
+        value[name] = np.where(
+            np.isin(raw[confidence], DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY[confidence].out_of_range), np.nan, value[name]
+        )
     yaw_untrusted = raw["yaw_rate_confidence"] == YAW_RATE_OUT_OF_RANGE_CODE
     value["yaw_rate_degps"] = np.where(yaw_untrusted, np.nan, value["yaw_rate_degps"])
     for name in ("yaw_rate_degps", "lateral_accel_mps2"):
-        flags = [presence[name] for presence in map(ros_presence_paths, _VERSIONS) if name in presence]
+        flags = [
+            presence[name]
+            for presence in map(ros_presence_paths, _PATHS_BY_QUANTITY_OF_EACH_MESSAGE_VERSION)
+            if name in presence
+        ]
         value[name] = np.where(read_numbers(columns, *flags) == 0, np.nan, value[name])
-    untrusted = np.isin(raw["semi_major_m"], ELEMENTS["semi_major_m"].out_of_range)
-    untrusted |= np.isin(raw["semi_minor_m"], ELEMENTS["semi_minor_m"].out_of_range)
+    untrusted = np.isin(raw["semi_major_m"], DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY["semi_major_m"].out_of_range)
+    untrusted |= np.isin(raw["semi_minor_m"], DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY["semi_minor_m"].out_of_range)
     ledger.reject(untrusted, UNTRUSTED_POSITION_REASON)
 
-    yaw_rate_95_degps = decode_enumeration(YAW_RATE_95_DEGPS_BY_CODE, raw["yaw_rate_confidence"])
+    yaw_rate_95_degps = decode_enumeration(
+        YAW_RATE_95_PERCENT_BOUND_BY_CONFIDENCE_CODE_DEGPS, raw["yaw_rate_confidence"]
+    )
     is_backward = raw["drive_direction"] == DRIVE_BACKWARD_CODE
     motion_rad = heading_from_compass_deg(value["heading_compass_deg"])
     stamp_ns, has_time = stamps_ns_and_validity_from_generation_delta_time(

@@ -22,7 +22,7 @@ from cwcli.lazy_dataclass import dataclass
 
 MAX_CONDITION_CHARACTERS = 500
 """The largest number of characters of a condition; chosen by hand."""
-MAX_CONDITION_STEPS = 64
+MAX_PATH_STEPS_OF_CONDITION = 64
 """The largest number of path steps of a condition; chosen by hand."""
 CONDITION_EXAMPLES_HINT = (
     "for example data==true, level>=2, objects[0].ttc<1.5 or status[name=='fcw'].values[key==state].value==warn"
@@ -191,8 +191,10 @@ class _Parser:
             else:
                 raise self.syntax_error(f"`.`, `[` or one of {' '.join(COMPARISONS_BY_SIGN)}")
             self.n_steps += 1
-            if self.n_steps > MAX_CONDITION_STEPS:
-                raise UsageError(f"the condition has more than {MAX_CONDITION_STEPS} steps: {self.text[:40]}...")
+            if self.n_steps > MAX_PATH_STEPS_OF_CONDITION:
+                raise UsageError(
+                    f"the condition has more than {MAX_PATH_STEPS_OF_CONDITION} steps: {self.text[:40]}..."
+                )
         _, sign = self._take_token_kind_and_text()
         value = self._parse_value(sign)
         return Condition(tuple(path), sign, value, self.text[begin : self.at].strip())

@@ -19,7 +19,7 @@ SECONDS_PER_WEEK = 604_800
 """The length of a week, in seconds."""
 WEEKS_PER_ROLLOVER = 1024
 """The number of weeks after which a ten-bit week number starts again (19.6 years)."""
-MAX_RECORDER_CLOCK_ERROR_S = 86_400
+MAX_RECORDER_CLOCK_ERROR_FOR_WEEK_ROLLOVER_S = 86_400
 """The largest error of the recorder's clock, in seconds, with which it still resolves the week number's rollover;
 chosen by hand."""
 LEAP_SECOND_INSTANTS_UNIX_S: Int64Array = np.array(
@@ -99,7 +99,9 @@ def undo_week_rollover(ledger: RowLedger, stamp_ns: Int64Array, is_time: BoolArr
     behind_ns = ledger.columns.log_time_ns - stamp_ns
     n_rounds = np.round(behind_ns / round_ns).astype(np.int64)
     is_moved = (
-        is_time & (n_rounds != 0) & (np.abs(behind_ns - n_rounds * round_ns) < MAX_RECORDER_CLOCK_ERROR_S * NS_PER_S)
+        is_time
+        & (n_rounds != 0)
+        & (np.abs(behind_ns - n_rounds * round_ns) < MAX_RECORDER_CLOCK_ERROR_FOR_WEEK_ROLLOVER_S * NS_PER_S)
     )
     ledger.count_repaired(is_moved, WEEK_ROLLOVER_REASON)
     return np.where(is_moved, stamp_ns + n_rounds * round_ns, stamp_ns)

@@ -55,7 +55,7 @@ _TWIST_PATHS = ("twist.linear.x", "twist.linear.y", "twist.angular.z")
 """The leaf paths of a twist."""
 _TIME_PART_NAMES = ("sec", "nanosec", "secs", "nsec", "nsecs")
 """The names that the parts of a ROS time have in different encodings."""
-_CALIBRATION_PATHS = ("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
+_CAMERA_CALIBRATION_PATHS = ("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
 """The leaf paths of a camera's calibration."""
 
 
@@ -149,7 +149,7 @@ def _perceived_object_inputs(codec: str, fields: Fields) -> tuple[Input, ...]:
 
 _JSON_BSM_FIELDS = LazyFields("j2735.JSON_LEAF_FIELDS", ("json",))
 """The leaf fields of every JSON message with a BSM."""
-_OCTET_FIELDS = LazyFields("radio.frames.OCTET_FIELD_NAMES")
+_FIELDS_OF_RAW_RADIO_OCTET_MESSAGES = LazyFields("radio.frames.OCTET_FIELD_NAMES")
 """The leaf fields of messages as a radio received them."""
 
 
@@ -246,11 +246,11 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
         (Input(Role.CAMERA, {}, None),),  # streamed frame by frame
     ),
     "sensor_msgs/CameraInfo": inputs_of_message(
-        ros_leaf_fields(*_CALIBRATION_PATHS), camera_info="camera.build_camera_info"
+        ros_leaf_fields(*_CAMERA_CALIBRATION_PATHS), camera_info="camera.build_camera_info"
     ),
     **dict.fromkeys(
         _schema_names_of_foxglove_messages("CameraCalibration"),
-        inputs_of_message(foxglove_leaf_fields(*_CALIBRATION_PATHS), camera_info="camera.build_camera_info"),
+        inputs_of_message(foxglove_leaf_fields(*_CAMERA_CALIBRATION_PATHS), camera_info="camera.build_camera_info"),
     ),
     **RECEIVER_INPUTS,
     "etsi_its_cam_msgs/CAM": _v2x_inputs("etsi.CAM_AND_VAM_CODEC", LazyFields("etsi.CAM_LEAF_FIELDS")),
@@ -269,10 +269,14 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     "j2735_v2x_msgs/BSM": _v2x_inputs("j2735.ROS_BSM_CODEC", LazyFields("j2735.ROS_LEAF_FIELDS")),
     "carma_v2x_msgs/BSM": _v2x_inputs("j2735.CARMA_BSM_CODEC", LazyFields("j2735.CARMA_LEAF_FIELDS")),
     **dict.fromkeys(
-        ("carma_driver_msgs/ByteArray", "cwcli_radio/J2735"), _v2x_inputs("radio.codec.J2735_CODEC", _OCTET_FIELDS)
+        ("carma_driver_msgs/ByteArray", "cwcli_radio/J2735"),
+        _v2x_inputs("radio.codec.J2735_CODEC", _FIELDS_OF_RAW_RADIO_OCTET_MESSAGES),
     ),
-    **dict.fromkeys(("cwcli_radio/Btp", "udp_msgs/UdpPacket"), _v2x_inputs("radio.codec.BTP_CODEC", _OCTET_FIELDS)),
-    "cwcli_radio/Its": _v2x_inputs("radio.codec.ITS_CODEC", _OCTET_FIELDS),
+    **dict.fromkeys(
+        ("cwcli_radio/Btp", "udp_msgs/UdpPacket"),
+        _v2x_inputs("radio.codec.BTP_CODEC", _FIELDS_OF_RAW_RADIO_OCTET_MESSAGES),
+    ),
+    "cwcli_radio/Its": _v2x_inputs("radio.codec.ITS_CODEC", _FIELDS_OF_RAW_RADIO_OCTET_MESSAGES),
     **dict.fromkeys(("BasicSafetyMessage", "MessageFrame"), _v2x_inputs("j2735.JSON_BSM_CODEC", _JSON_BSM_FIELDS)),
     **dict.fromkeys(
         ("OdeBsmData", "OdeBsmJson", "OdeMessageFrameData"),
@@ -307,7 +311,7 @@ def _check_builder_result(built: object, columns: Columns, reading: Reading) -> 
     return check_builder_result(built, columns, reading)
 
 
-INPUTS: Registry[tuple[Input, ...]] = Registry(
+INPUTS_BY_SCHEMA_NAME: Registry[tuple[Input, ...]] = Registry(
     "input", "cwcli.inputs", _BUILTIN_INPUTS, _accept_plugin_inputs, spell=normalise_schema_name
 )
 """The registry of inputs: the rows of this package and of plug-ins, by schema name."""
@@ -317,7 +321,7 @@ INPUTS: Registry[tuple[Input, ...]] = Registry(
 def inputs_of_schema(schema_name: str) -> tuple[Input, ...]:
     """Return the registry's rows for a schema name in any spelling, () for an unknown one."""
     name = normalise_schema_name(schema_name)
-    return INPUTS.get(name) or INPUTS.get(name.rsplit(".", 1)[-1], ())
+    return INPUTS_BY_SCHEMA_NAME.get(name) or INPUTS_BY_SCHEMA_NAME.get(name.rsplit(".", 1)[-1], ())
 
 
 def find_input_for_role(role: str, schema_name: str) -> Input | None:

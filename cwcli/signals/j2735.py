@@ -25,19 +25,19 @@ from cwcli.signals.v2x_elements import decode_codes_to_values, nan_unless_a_code
 from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
 from cwcli.signals.v2x_time import message_times_or_log_times_ns, stamps_ns_and_validity_from_dsecond
 
-_TABLE = load_message_table("bsm", "sae")
+_BSM_QUANTITY_TABLE = load_message_table("bsm", "sae")
 """The quantities of a BSM: their data elements, and their paths per encoding."""
-ELEMENTS = _TABLE.elements
+DATA_ELEMENTS_BY_BSM_QUANTITY = _BSM_QUANTITY_TABLE.elements
 """The data element of each coded quantity of a BSM (SAE J2735)."""
-JSON_RAW_PATHS, ROS_PATHS = _TABLE.columns["json"], _TABLE.columns["ros"]
+STANDARD_JSON_PATHS_BY_QUANTITY, ROS_PATHS = _BSM_QUANTITY_TABLE.columns["json"], _BSM_QUANTITY_TABLE.columns["ros"]
 """The leaf fields of a JSON BSM with the standard's names and codes, and those of `j2735_v2x_msgs/BSM` and
 `carma_v2x_msgs/BSM`, by quantity."""
-JSON_ODE_PATHS = JSON_RAW_PATHS | _TABLE.columns["ode"]
+JSON_ODE_PATHS = STANDARD_JSON_PATHS_BY_QUANTITY | _BSM_QUANTITY_TABLE.columns["ode"]
 """The leaf fields of a BSM of the USDOT Operational Data Environment (ODE), by quantity."""
-CARMA_PRESENCE_MASKS = parse_presence_bits(_TABLE.columns["carma_flags"])
+CARMA_PRESENCE_MASKS = parse_presence_bits(_BSM_QUANTITY_TABLE.columns["carma_flags"])
 """The presence flags of `carma_v2x_msgs`: (quantity, path of the field of flags, mask of the bit that is set when the
 value is there)."""
-MIN_SEMI_AXIS_M = 0.05
+MIN_POSITION_ACCURACY_SEMI_AXIS_M = 0.05
 """The least semi-axis of the position accuracy, in metres: a code of 0 means less than one step and counts as one."""
 REVERSE_GEARS_CODE = 3
 """The code of TransmissionState for reverse gears."""
@@ -67,7 +67,7 @@ JSON_LEAF_FIELDS = (
     *dict.fromkeys(
         prefix + leaf
         for prefix in JSON_BSM_PREFIXES
-        for leaf in (*JSON_RAW_PATHS.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_AS_OBJECT_PATHS)
+        for leaf in (*STANDARD_JSON_PATHS_BY_QUANTITY.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_AS_OBJECT_PATHS)
     ),
     *bsm_flags.json_event_flag_paths(JSON_BSM_PREFIXES),
 )
@@ -80,7 +80,9 @@ CARMA_LEAF_FIELDS = (*ROS_LEAF_FIELDS, *dict.fromkeys(path for _, path, _ in CAR
 
 def identify_json_senders(columns: Columns) -> Senders:
     """Return the senders of a JSON channel; the ODE says which messages the ego sent (`bsmSource` EV)."""
-    return _read_json_or_ros_senders(columns, *(prefix + JSON_RAW_PATHS["station"] for prefix in JSON_BSM_PREFIXES))
+    return _read_json_or_ros_senders(
+        columns, *(prefix + STANDARD_JSON_PATHS_BY_QUANTITY["station"] for prefix in JSON_BSM_PREFIXES)
+    )
 
 
 def identify_ros_senders(columns: Columns) -> Senders:
@@ -93,11 +95,11 @@ def decode_json_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
     for prefix in JSON_BSM_PREFIXES:
         if prefix + JSON_ODE_PATHS["latitude_deg"] in columns.fields:
             return _remote_rows_from_ode_units(columns, ledger, prefix)
-        if prefix + JSON_RAW_PATHS["latitude_deg"] in columns.fields:
+        if prefix + STANDARD_JSON_PATHS_BY_QUANTITY["latitude_deg"] in columns.fields:
             return _remote_rows_from_raw_codes(
-                columns, ledger, {name: prefix + leaf for name, leaf in JSON_RAW_PATHS.items()}, prefix
+                columns, ledger, {name: prefix + leaf for name, leaf in STANDARD_JSON_PATHS_BY_QUANTITY.items()}, prefix
             )
-    return _remote_rows_from_raw_codes(columns, ledger, JSON_RAW_PATHS, "")
+    return _remote_rows_from_raw_codes(columns, ledger, STANDARD_JSON_PATHS_BY_QUANTITY, "")
 
 
 def decode_ros_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
@@ -112,7 +114,7 @@ def decode_carma_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 def _read_carma_values(columns: Columns) -> dict[str, FloatArray]:
     """Read the values that the presence flags say are there."""
-    value = {name: read_numbers(columns, ROS_PATHS[name]) for name in (*ELEMENTS, "dsecond_ms")}
+    value = {name: read_numbers(columns, ROS_PATHS[name]) for name in (*DATA_ELEMENTS_BY_BSM_QUANTITY, "dsecond_ms")}
     for name, path, bit in CARMA_PRESENCE_MASKS:
         flags = read_numbers(columns, path)
         is_there = (numbers_to_bit_flags(flags) & bit) != 0
@@ -122,13 +124,13 @@ def _read_carma_values(columns: Columns) -> dict[str, FloatArray]:
 
 def read_json_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a JSON channel with place and time, and which messages' flags can't be read."""
-    paths = JSON_RAW_PATHS
+    paths = STANDARD_JSON_PATHS_BY_QUANTITY
     for prefix in JSON_BSM_PREFIXES:
-        for each in (JSON_RAW_PATHS, JSON_ODE_PATHS):
+        for each in (STANDARD_JSON_PATHS_BY_QUANTITY, JSON_ODE_PATHS):
             if prefix + each["latitude_deg"] in columns.fields:
                 paths = {name: prefix + leaf for name, leaf in each.items()}
     value = {name: read_numbers(columns, paths[name]) for name in QUANTITIES_OF_EVENT_FLAG_PLACE_AND_TIME}
-    if paths["latitude_deg"].endswith(JSON_RAW_PATHS["latitude_deg"]):
+    if paths["latitude_deg"].endswith(STANDARD_JSON_PATHS_BY_QUANTITY["latitude_deg"]):
         value = _decode_place_codes_of_events(value)
     return _make_flag_events_and_unreadable(
         columns,
@@ -160,7 +162,9 @@ def read_carma_flag_events_and_unreadable(columns: Columns) -> tuple[RoadEvents,
 
 def _decode_place_codes_of_events(raw_by_quantity: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {
-        name: decode_codes_to_values(ELEMENTS[name], raw) if name in ELEMENTS else raw
+        name: decode_codes_to_values(DATA_ELEMENTS_BY_BSM_QUANTITY[name], raw)
+        if name in DATA_ELEMENTS_BY_BSM_QUANTITY
+        else raw
         for name, raw in raw_by_quantity.items()
     }
 
@@ -179,7 +183,7 @@ def _make_flag_events_and_unreadable(
 def _remote_rows_from_ode_units(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
     """Decode the ODE's units: degrees, metres, m/s, m/s^2, degrees/s, size in cm; null where unavailable."""
     paths = {name: prefix + leaf for name, leaf in JSON_ODE_PATHS.items()}
-    value = {name: read_numbers(columns, paths[name]) for name in (*ELEMENTS, "dsecond_ms")}
+    value = {name: read_numbers(columns, paths[name]) for name in (*DATA_ELEMENTS_BY_BSM_QUANTITY, "dsecond_ms")}
     for name in ("width_m", "length_m"):
         value[name] = np.where(value[name] > 0, value[name] * M_PER_ODE_SIZE_STEP, np.nan)
     return _make_bsm_rows(columns, ledger, _validate_decoded_values(value, ledger), paths, prefix)
@@ -188,7 +192,7 @@ def _remote_rows_from_ode_units(columns: Columns, ledger: RowLedger, prefix: str
 def _remote_rows_from_raw_codes(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
     value = {
         name: decode_codes_to_values(element, read_numbers(columns, paths[name]), ledger)
-        for name, element in ELEMENTS.items()
+        for name, element in DATA_ELEMENTS_BY_BSM_QUANTITY.items()
     }
     value["dsecond_ms"] = read_numbers(columns, paths["dsecond_ms"])
     return _make_bsm_rows(columns, ledger, value, paths, prefix)
@@ -197,7 +201,9 @@ def _remote_rows_from_raw_codes(columns: Columns, ledger: RowLedger, paths: dict
 def _validate_decoded_values(values_by_quantity: dict[str, FloatArray], ledger: RowLedger) -> dict[str, FloatArray]:
     """Return decoded values with cwcli's signs; those outside the standard's range become NaN and are counted."""
     return {
-        name: nan_unless_a_code_could_express(ELEMENTS[name], array, ledger) if name in ELEMENTS else array
+        name: nan_unless_a_code_could_express(DATA_ELEMENTS_BY_BSM_QUANTITY[name], array, ledger)
+        if name in DATA_ELEMENTS_BY_BSM_QUANTITY
+        else array
         for name, array in values_by_quantity.items()
     }
 
@@ -219,8 +225,8 @@ def _make_bsm_rows(
         heading_rad=heading_from_compass_deg(values_by_quantity["heading_compass_deg"]),
         yaw_rate_radps=np.deg2rad(np.where(yaw_unfilled, np.nan, values_by_quantity["yaw_rate_degps"])),
         position_covariance_m2=east_north_covariance_from_ellipse(
-            np.maximum(values_by_quantity["semi_major_m"], MIN_SEMI_AXIS_M),
-            np.maximum(values_by_quantity["semi_minor_m"], MIN_SEMI_AXIS_M),
+            np.maximum(values_by_quantity["semi_major_m"], MIN_POSITION_ACCURACY_SEMI_AXIS_M),
+            np.maximum(values_by_quantity["semi_minor_m"], MIN_POSITION_ACCURACY_SEMI_AXIS_M),
             values_by_quantity["semi_major_compass_deg"],
         ),
         message_count=np.where((count >= 0) & (count < MESSAGE_COUNT_MODULUS), count, np.nan),

@@ -49,9 +49,9 @@ FarNearBendSpiral = FloatArray
 YDirectionCurvature = FloatArray
 """Place to the left (m), direction (rad) and curvature (1/m) at a distance ahead, shape (..., 3)."""
 
-MAX_DIRECTION_SINE_OF_DRAWN_LINE = 0.97
+MAX_SINE_OF_DRAWN_LINE_DIRECTION = 0.97
 """The sine of the direction (1) at which a drawn line ends, because it turns back there; chosen by hand."""
-MIN_INNER_RADIUS_SHARE = 0.2
+MIN_INNER_PARALLEL_RADIUS_SHARE = 0.2
 """The least radius of a parallel line inside a bend, as a share (1) of the bend's radius; a tighter line is no lane.
 Chosen by hand."""
 
@@ -76,8 +76,8 @@ def far_near_bend_spiral_of_parallel_line(
     slope = (far_px - pinhole.centre_px) / pinhole.focal_px
     cosine = (1.0 + slope * slope) ** -0.5
     rate = 2.0 * bend_px2 * cosine**3 / pinhole.focal_px
-    tighter = 1.0 / max(1.0 - rate * near / pinhole.focal_px, MIN_INNER_RADIUS_SHARE)
-    start = min(max(slope * cosine * tighter, -MAX_DIRECTION_SINE_OF_DRAWN_LINE), MAX_DIRECTION_SINE_OF_DRAWN_LINE)
+    tighter = 1.0 / max(1.0 - rate * near / pinhole.focal_px, MIN_INNER_PARALLEL_RADIUS_SHARE)
+    start = min(max(slope * cosine * tighter, -MAX_SINE_OF_DRAWN_LINE_DIRECTION), MAX_SINE_OF_DRAWN_LINE_DIRECTION)
     own_cosine = (1.0 - start * start) ** 0.5
     bend = rate * tighter * pinhole.focal_px / (2.0 * own_cosine**3)
     spiral = spiral_px3 * (cosine / own_cosine * tighter) ** 3
@@ -120,7 +120,7 @@ def image_columns_of_arcs(
 
 
 def _first_positive_root_of_sine_or_inf(
-    start: FloatArray, rate: FloatArray, growth: FloatArray, sine: float = MAX_DIRECTION_SINE_OF_DRAWN_LINE
+    start: FloatArray, rate: FloatArray, growth: FloatArray, sine: float = MAX_SINE_OF_DRAWN_LINE_DIRECTION
 ) -> FloatArray:
     """Return the smallest positive t at which start + rate t + growth t^2 is `sine` or -`sine`, else inf."""
     end = np.where(np.abs(start) < sine, np.inf, 0.0)
@@ -167,8 +167,10 @@ def curvature_change_ratios_to_centre_line(arc_coefficients: ArcCoefficients) ->
     """
     y0, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
-    tighter = np.clip(1.0 + curvature * cosine**3 * y0, MIN_INNER_RADIUS_SHARE, 1.0 / MIN_INNER_RADIUS_SHARE)
-    start = np.clip(slope * cosine / tighter, -MAX_DIRECTION_SINE_OF_DRAWN_LINE, MAX_DIRECTION_SINE_OF_DRAWN_LINE)
+    tighter = np.clip(
+        1.0 + curvature * cosine**3 * y0, MIN_INNER_PARALLEL_RADIUS_SHARE, 1.0 / MIN_INNER_PARALLEL_RADIUS_SHARE
+    )
+    start = np.clip(slope * cosine / tighter, -MAX_SINE_OF_DRAWN_LINE_DIRECTION, MAX_SINE_OF_DRAWN_LINE_DIRECTION)
     return np.asarray((tighter * np.sqrt(1.0 - start * start) / cosine) ** 3)
 
 
@@ -182,9 +184,11 @@ def middle_line_of_parallel_arcs(arc_coefficients: ArcCoefficients) -> ArcCoeffi
     middle = y0.mean(axis=1)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
     rate = curvature * cosine**3
-    tighter = np.clip(1.0 + rate * (y0 - middle[:, None]), MIN_INNER_RADIUS_SHARE, 1.0 / MIN_INNER_RADIUS_SHARE)
+    tighter = np.clip(
+        1.0 + rate * (y0 - middle[:, None]), MIN_INNER_PARALLEL_RADIUS_SHARE, 1.0 / MIN_INNER_PARALLEL_RADIUS_SHARE
+    )
     start = np.clip(
-        (slope * cosine / tighter).mean(axis=1), -MAX_DIRECTION_SINE_OF_DRAWN_LINE, MAX_DIRECTION_SINE_OF_DRAWN_LINE
+        (slope * cosine / tighter).mean(axis=1), -MAX_SINE_OF_DRAWN_LINE_DIRECTION, MAX_SINE_OF_DRAWN_LINE_DIRECTION
     )
     own_cosine = np.sqrt(1.0 - start * start)
     return np.column_stack([middle, start / own_cosine, (rate / tighter).mean(axis=1) / own_cosine**3])

@@ -30,9 +30,15 @@ from cwcli.signals.columns import (
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import parse_float_or_nan
 
-_SECONDS_PATHS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec", "stamp.sec")
+_PATHS_OF_MESSAGE_TIME_SECONDS = (
+    "header.stamp.sec",
+    "header.stamp.secs",
+    "timestamp.seconds",
+    "timestamp.sec",
+    "stamp.sec",
+)
 """The leaf fields that can hold the seconds of a message's time, in order of preference."""
-_NANOSECONDS_PATHS = (
+_PATHS_OF_MESSAGE_TIME_NANOSECONDS = (
     "header.stamp.nanosec",
     "header.stamp.nsecs",
     "header.stamp.nsec",
@@ -45,10 +51,10 @@ _NANOSECONDS_PATHS = (
 
 MAX_EXACT_INTEGER = 2.0**53
 """The number up to which a double holds every whole number."""
-LARGEST_BELIEVED_NUMBER = 1e10
+MAX_BELIEVED_NUMBER_IN_PUBLISHED_CHANNEL = 1e10
 """The largest number, in the unit of its field, that is believed of a channel that cwcli published. Chosen by hand."""
 SQUARED_QUANTITY_FIELDS = frozenset({"covariance", "position_covariance", "nis"})
-"""Fields that hold squares, which may be as large as the square of `LARGEST_BELIEVED_NUMBER`."""
+"""Fields that hold squares, which may be as large as the square of `MAX_BELIEVED_NUMBER_IN_PUBLISHED_CHANNEL`."""
 
 
 def find_field(columns: Columns, *paths: str) -> Field | None:
@@ -68,7 +74,7 @@ def read_numbers(
     Strings that spell numbers are read as such (JSON written from XER does that).
 
     Args:
-        required: It is a field that cwcli writes, always and within `LARGEST_BELIEVED_NUMBER`.
+        required: It is a field that cwcli writes, always and within `MAX_BELIEVED_NUMBER_IN_PUBLISHED_CHANNEL`.
         takes_impossible_numbers: The caller leaves out what is beyond that, and counts it.
 
     Raises:
@@ -181,7 +187,11 @@ def require_possible_numbers(columns: Columns, name: str, values: NumericArray) 
     Raises:
         DataError: A number is beyond what cwcli writes: squares of it would overflow.
     """
-    largest = LARGEST_BELIEVED_NUMBER**2 if name in SQUARED_QUANTITY_FIELDS else LARGEST_BELIEVED_NUMBER
+    largest = (
+        MAX_BELIEVED_NUMBER_IN_PUBLISHED_CHANNEL**2
+        if name in SQUARED_QUANTITY_FIELDS
+        else MAX_BELIEVED_NUMBER_IN_PUBLISHED_CHANNEL
+    )
     if values.size and max(np.fmax.reduce(values, None), -np.fmin.reduce(values, None)) > largest:
         n_beyond = np.count_nonzero(np.abs(values) > largest)
         what = f"the field `{name}` has {n_beyond:,} numbers beyond {largest:g}, which cwcli does not write"
@@ -215,7 +225,7 @@ def read_matrix(columns: Columns, path: str, width: int | None = None, *, requir
         width: The length of a row; None: that of the first row.
 
     Raises:
-        DataError: It is required, and a row has it not, or a number is beyond `LARGEST_BELIEVED_NUMBER`.
+        DataError: It is required, and a row lacks it, or a number is beyond `MAX_BELIEVED_NUMBER_IN_PUBLISHED_CHANNEL`.
     """
     field = find_field(columns, path)
     n = len(columns)
@@ -275,8 +285,8 @@ def read_stamps(columns: Columns) -> StampsNsAndIsGiven:
     text = columns.fields.get("timestamp")
     if isinstance(text, Strings):
         return parse_iso_times_ns_and_is_read(text)
-    seconds, has_seconds = read_integers(columns, *_SECONDS_PATHS)
-    nanoseconds, _ = read_integers(columns, *_NANOSECONDS_PATHS)
+    seconds, has_seconds = read_integers(columns, *_PATHS_OF_MESSAGE_TIME_SECONDS)
+    nanoseconds, _ = read_integers(columns, *_PATHS_OF_MESSAGE_TIME_NANOSECONDS)
     max_s = MAX_STAMP_NS // NS_PER_S
     in_range = has_seconds & (np.abs(seconds) < max_s) & (np.abs(nanoseconds) < MAX_STAMP_NS)
     in_range &= (seconds == 0) | ((nanoseconds >= 0) & (nanoseconds <= NS_PER_S))

@@ -25,7 +25,7 @@ from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
 from cwcli.signals.units import MPS_PER_KMH, STANDARD_GRAVITY_MPS2
 
-UNIT_FACTORS_BY_KIND: dict[str, dict[str, float]] = {
+SI_FACTORS_BY_UNIT_BY_KIND: dict[str, dict[str, float]] = {
     "speed": {"mps": 1.0, "kmh": MPS_PER_KMH, "mph": 0.44704, "knots": 1852.0 / 3600.0, "mmps": 1e-3, "cmps": 1e-2},
     "angle": {"rad": 1.0, "deg": math.pi / 180.0, "mrad": 1e-3},
     "turn rate": {"radps": 1.0, "degps": math.pi / 180.0},
@@ -34,7 +34,7 @@ UNIT_FACTORS_BY_KIND: dict[str, dict[str, float]] = {
     "height": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
 }
 """The factor of each unit to cwcli's unit (m/s, rad, rad/s, m/s^2, degrees, m), by kind of quantity."""
-UNIT_BY_KIND = {
+UNIT_IN_ROS_MESSAGES_BY_KIND_OF_QUANTITY = {
     "speed": "m/s",
     "angle": "rad",
     "turn rate": "rad/s",
@@ -275,12 +275,12 @@ def _parse_number_or_factor_of_unit(role: str, text: str, quantity: str, kind: s
     """Return a number, or the factor of a unit of this kind."""
     if quantity[0].isdigit() or quantity[0] == ".":
         return float(quantity)
-    if quantity not in UNIT_FACTORS_BY_KIND[kind]:
-        known = ", ".join(UNIT_FACTORS_BY_KIND[kind])
+    if quantity not in SI_FACTORS_BY_UNIT_BY_KIND[kind]:
+        known = ", ".join(SI_FACTORS_BY_UNIT_BY_KIND[kind])
         raise UsageError(
             f"--map {role}={text}: {quantity} is not a unit of {kind}", hint=f"units: {known}, or a number"
         )
-    return UNIT_FACTORS_BY_KIND[kind][quantity]
+    return SI_FACTORS_BY_UNIT_BY_KIND[kind][quantity]
 
 
 def _error_about_malformed_mapping(role: str, text: str, part: str) -> UsageError:

@@ -26,15 +26,15 @@ CORRELATION_BINARY_DIGITS = 9
 """The number of binary digits of a correlation: a step of 2^-9. Chosen by hand."""
 MAX_CORRELATION_BINARY_DIGITS = 20
 """The largest number of binary digits of a correlation in a matrix that is close to singular. Chosen by hand."""
-MIN_UNEXPLAINED_VARIANCE_FOR_COARSE_STEPS = 2.0**-3
+MIN_UNEXPLAINED_VARIANCE_FOR_COARSE_STEPS_SHARE = 2.0**-3
 """The share (1) of a state's variance that is not explained by the others, below which finer steps are used. Chosen by
 hand."""
-MAX_CORRELATION_STEP_PER_EIGENVALUE = 2.0**-5
+MAX_CORRELATION_STEP_OF_LEAST_EIGENVALUE_SHARE = 2.0**-5
 """The largest step of a correlation as a share (1) of the matrix's least eigenvalue. Chosen by hand."""
 CORRELATION_SHRINK_SHARES = (2.0**-18, 2.0**-14, 2.0**-10, 2.0**-7)
 """The shares (1) by which correlations are shrunk, one after the other, until the matrix is positive definite. Chosen
 by hand."""
-ROWS_PER_BLOCK = 2048  # of doubles that fit the processor's cache
+COVARIANCES_PACKED_PER_BLOCK = 2048  # of doubles that fit the processor's cache
 """The number of covariances that are packed at once, so that their doubles fit the processor's cache."""
 
 
@@ -66,8 +66,8 @@ class PackedCovariances:
         """Pack covariances (n, k, k) to the precision above; one that is not positive definite becomes NaN."""
         n, k, _ = covariance.shape
         out = cls.allocate_uninitialised(n, k)
-        for first in range(0, n, ROWS_PER_BLOCK):
-            rows = slice(first, first + ROWS_PER_BLOCK)
+        for first in range(0, n, COVARIANCES_PACKED_PER_BLOCK):
+            rows = slice(first, first + COVARIANCES_PACKED_PER_BLOCK)
             out.sigma[rows], out.correlation[rows] = _sigmas_and_correlations_of_block(covariance[rows])
         return out
 
@@ -164,7 +164,8 @@ def _sigmas_and_correlations_of_block(covariance: FloatArray) -> tuple[FloatArra
         round_to_binary_step(full, CORRELATION_BINARY_DIGITS),
     )
     close = np.flatnonzero(
-        is_finite & ~(_min_unexplained_variance_shares(correlation, k) >= MIN_UNEXPLAINED_VARIANCE_FOR_COARSE_STEPS)
+        is_finite
+        & ~(_min_unexplained_variance_shares(correlation, k) >= MIN_UNEXPLAINED_VARIANCE_FOR_COARSE_STEPS_SHARE)
     )
     if len(close):
         is_finite[close] &= _min_unexplained_variance_shares(full[close], k) > 0.0
@@ -182,7 +183,7 @@ def _correlation_bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
     """Return the number of binary digits of each matrix's step, at least the usual one; all must be finite."""
     least = np.linalg.eigvalsh(_covariance_matrices(np.ones((len(correlation), k)), correlation))[:, 0]
     step = np.clip(
-        MAX_CORRELATION_STEP_PER_EIGENVALUE * least,
+        MAX_CORRELATION_STEP_OF_LEAST_EIGENVALUE_SHARE * least,
         2.0**-MAX_CORRELATION_BINARY_DIGITS,
         2.0**-CORRELATION_BINARY_DIGITS,
     )

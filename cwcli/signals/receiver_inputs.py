@@ -26,13 +26,20 @@ _OEM7_TIME_PATHS = ("nov_header.gps_week_number", "nov_header.gps_week_milliseco
 """The leaf paths of the GPS time in messages of `novatel_oem7_msgs`."""
 _OEM6_TIME_PATHS = ("novatel_msg_header.gps_week_num", "novatel_msg_header.gps_seconds")
 """The leaf paths of the GPS time in messages of `novatel_gps_msgs`."""
-_INS_PATHS = ("latitude", "longitude", "undulation", "north_velocity", "east_velocity", "azimuth")
+_PATHS_SHARED_BY_NOVATEL_INERTIAL_SOLUTIONS = (
+    "latitude",
+    "longitude",
+    "undulation",
+    "north_velocity",
+    "east_velocity",
+    "azimuth",
+)
 """The leaf paths that all inertial solutions of NovAtel share."""
-_INSPVAX_NAMES = ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")
+_INSPVAX_QUANTITIES_WITH_STANDARD_DEVIATION = ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")
 """The names of the quantities of which an INSPVAX gives a standard deviation."""
-_INSPVA_PATHS = (*_INS_PATHS, "height", "status.status", "status")
+_INSPVA_PATHS = (*_PATHS_SHARED_BY_NOVATEL_INERTIAL_SOLUTIONS, "height", "status.status", "status")
 """The leaf paths of INSPVA."""
-_SEPTENTRIO_PATHS = (
+_PATHS_SHARED_BY_SEPTENTRIO_POSITION_MESSAGES = (
     *("block_header.wnc", "block_header.tow", "error"),
     *("latitude", "longitude", "height", "ve", "vn"),
 )
@@ -108,8 +115,8 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
     ),
     "novatel_oem7_msgs/INSPVAX": inputs_of_receiver_message(
         ros_leaf_fields(
-            *(*_OEM7_TIME_PATHS, "ins_status.status", *_INS_PATHS, "height"),
-            *(f"{name}_stdev" for name in _INSPVAX_NAMES),
+            *(*_OEM7_TIME_PATHS, "ins_status.status", *_PATHS_SHARED_BY_NOVATEL_INERTIAL_SOLUTIONS, "height"),
+            *(f"{name}_stdev" for name in _INSPVAX_QUANTITIES_WITH_STANDARD_DEVIATION),
         ),
         FUSED_INS_RANK,
         "novatel.read_inspvax",
@@ -117,7 +124,8 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
     ),
     "novatel_gps_msgs/Inspvax": inputs_of_receiver_message(
         ros_leaf_fields(
-            *(*_OEM6_TIME_PATHS, "ins_status", *_INS_PATHS, "altitude"), *(f"{name}_std" for name in _INSPVAX_NAMES)
+            *(*_OEM6_TIME_PATHS, "ins_status", *_PATHS_SHARED_BY_NOVATEL_INERTIAL_SOLUTIONS, "altitude"),
+            *(f"{name}_std" for name in _INSPVAX_QUANTITIES_WITH_STANDARD_DEVIATION),
         ),
         FUSED_INS_RANK,
         "novatel.read_inspvax",
@@ -130,13 +138,16 @@ RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
         ros_leaf_fields(*_OEM6_TIME_PATHS, *_INSPVA_PATHS), FUSED_INS_RANK, "novatel.read_inspva", *_WHOLE_MOTION_ROLES
     ),
     "septentrio_gnss_driver/PVTGeodetic": inputs_of_receiver_message(
-        ros_leaf_fields(*_SEPTENTRIO_PATHS, "mode", "h_accuracy"),
+        ros_leaf_fields(*_PATHS_SHARED_BY_SEPTENTRIO_POSITION_MESSAGES, "mode", "h_accuracy"),
         RECEIVER_RANK,
         "septentrio.read_pvt_geodetic",
         *_POSITION_VELOCITY_ROLES,
     ),
     "septentrio_gnss_driver/INSNavGeod": inputs_of_receiver_message(
-        ros_leaf_fields(*_SEPTENTRIO_PATHS, *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn"))),
+        ros_leaf_fields(
+            *_PATHS_SHARED_BY_SEPTENTRIO_POSITION_MESSAGES,
+            *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn")),
+        ),
         FUSED_INS_RANK,
         "septentrio.read_ins_nav_geod",
         *_POSITION_VELOCITY_ROLES,

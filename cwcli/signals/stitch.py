@@ -28,7 +28,7 @@ second, and a station may be silent while it changes its id. Chosen by hand."""
 MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2 = 18.5
 """The largest squared distance of a pair, in its own sigmas: the 0.999 quantile of chi-square with four degrees of
 freedom (east, north, speed, heading)."""
-MIN_RIVAL_SQUARED_DISTANCE_MARGIN = 13.8
+MIN_SQUARED_DISTANCE_MARGIN_TO_RIVAL_PAIRING_SIGMAS2 = 13.8
 """The amount by which the squared distances of every other pairing must be greater: a likelihood ratio of 1000."""
 DEFAULT_POSITION_SIGMA_M = 1.5
 """The error (one sigma) of a position whose message gives none, in metres: that of receivers with correction signals.
@@ -47,7 +47,9 @@ MAX_SIZE_DIFFERENCE_OF_ONE_VEHICLE_M = 0.2
 """The largest difference of lengths or widths of one vehicle, in metres. Chosen by hand; not fitted."""
 IMPOSSIBLE_PAIR_COST = 1e9
 """The finite cost of an impossible pair, which the solver needs."""
-MAX_RIVAL_SQUARED_DISTANCE = MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2 + MIN_RIVAL_SQUARED_DISTANCE_MARGIN
+MAX_SQUARED_DISTANCE_OF_RIVAL_PAIR_SIGMAS2 = (
+    MAX_SQUARED_DISTANCE_OF_PAIR_SIGMAS2 + MIN_SQUARED_DISTANCE_MARGIN_TO_RIVAL_PAIRING_SIGMAS2
+)
 """The squared distance beyond which a pair can't be followed, nor make another pairing doubtful."""
 PAIRS_PER_BLOCK = 1 << 17
 """The number of pairs that are compared at once; they take about 30 MB."""
@@ -183,7 +185,7 @@ def _find_candidate_pairs(last: _EndMessages, first: _EndMessages) -> _Candidate
         ended = np.repeat(np.arange(some.start, some.stop), counts)
         began = by_time[np.repeat(begin[some], counts) + within]
         distance = _squared_distance_of_each_row_or_inf(last.select_rows(ended), first.select_rows(began))
-        is_near = distance <= MAX_RIVAL_SQUARED_DISTANCE
+        is_near = distance <= MAX_SQUARED_DISTANCE_OF_RIVAL_PAIR_SIGMAS2
         parts.append((ended[is_near], began[is_near], distance[is_near]))
     return _Candidates(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
@@ -288,7 +290,10 @@ def _follower_of_each_id_and_unclear_count(candidates: _Candidates, n_ids: int) 
                 continue
             without = cost.copy()
             without[k, best[k]] = np.inf
-            if _column_of_each_row_and_least_cost(without)[1] - total >= MIN_RIVAL_SQUARED_DISTANCE_MARGIN:
+            if (
+                _column_of_each_row_and_least_cost(without)[1] - total
+                >= MIN_SQUARED_DISTANCE_MARGIN_TO_RIVAL_PAIRING_SIGMAS2
+            ):
                 follower[rows[k]] = columns[best[k]]
     return follower, int(np.count_nonzero(has_ended)) - int(np.count_nonzero(follower >= 0))
 
@@ -313,7 +318,7 @@ def _pair_indices_of_connected_groups(ended: Int64Array, began: Int64Array, n: i
 def _column_of_each_row_and_least_cost(cost: FloatArray) -> tuple[Int64Array, float]:
     """Return the cheapest pairing, as the column of each row or -1, and its cost."""
     n_rows, n_columns = cost.shape
-    whole = np.full((n_rows, n_columns + n_rows), MAX_RIVAL_SQUARED_DISTANCE)
+    whole = np.full((n_rows, n_columns + n_rows), MAX_SQUARED_DISTANCE_OF_RIVAL_PAIR_SIGMAS2)
     whole[:, :n_columns] = np.minimum(cost, IMPOSSIBLE_PAIR_COST)
     total, column, _ = lap.lapjv(whole, extend_cost=True)
     best = np.where(column < n_columns, column, -1)

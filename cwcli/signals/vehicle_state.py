@@ -17,7 +17,12 @@ N_STATES = len(STATE_NAMES)
 """The number of a state's components."""
 X, Y, SPEED, HEADING, ACCEL, YAW_RATE, JERK, YAW_ACCEL = range(8)
 """The column of each component in a state (n, 8)."""
-DERIVATIVE_INDICES = (ACCEL, JERK, YAW_RATE, YAW_ACCEL)  # in the order of a motion model's responses
+STATE_COLUMNS_OF_MOTION_MODEL_RESPONSES = (
+    ACCEL,
+    JERK,
+    YAW_RATE,
+    YAW_ACCEL,
+)  # in the order of a motion model's responses
 """The columns of acceleration, jerk, yaw rate and yaw acceleration, in the order of a motion model's responses."""
 
 EGO_ID = "ego"

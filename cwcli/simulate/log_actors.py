@@ -14,8 +14,8 @@ from cwcli.lazy_dataclass import replace
 from cwcli.logs.read.reader import Log
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
-from cwcli.simulation.recorded_actors import MIN_SAMPLES, RecordedTrack, replace_vehicles
-from cwcli.simulation.scenario import HOST_NAME, Scenario
+from cwcli.simulation.recorded_actors import MIN_STATES_OF_RECORDED_ACTOR, RecordedTrack, replace_vehicles
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario
 from cwcli.warning.types import median_length_and_width_m
 
 
@@ -48,7 +48,7 @@ def replace_vehicles_by_those_of_log(scenario: Scenario, name: str) -> Scenario:
     own = list(_read_tracks(host, start_ns).values())
     if len(own) != 1:
         raise MissingSignalError("the ego is known at less than two moments", where=name)
-    tracks = {HOST_NAME: own[0], **({} if others is None else _read_tracks(others, start_ns))}
+    tracks = {EGO_VEHICLE_KEY: own[0], **({} if others is None else _read_tracks(others, start_ns))}
     recorded = replace_vehicles(scenario, tracks, name=PurePath(name).stem)
     return replace(recorded, start_ns=start_ns)
 
@@ -58,7 +58,7 @@ def _read_tracks(states: VehicleStates, start_ns: int) -> dict[str, RecordedTrac
     tracks = {}
     for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
         known = rows[np.isfinite(states.state[rows]).all(axis=1)]
-        if len(known) >= MIN_SAMPLES:
+        if len(known) >= MIN_STATES_OF_RECORDED_ACTOR:
             size_m = median_length_and_width_m(states.length_m[known], states.width_m[known])
             time_s = (states.stamp_ns[known] - start_ns) / NS_PER_S
             tracks[vehicle] = RecordedTrack(time_s, states.state[known], *size_m)

@@ -62,7 +62,7 @@ BODY_FRAME_ID = "base_link"
 """Frame id of the body frame, below the camera."""
 DRIVE_START_STAMP_NS = 1_475_308_800_000_000_000
 """Stamp of the drive's start, ns since 1970: 2016-10-01T08:00:00Z, as in the scenarios."""
-CAMERA_DELAY_NS, SENSOR_DELAY_NS = 20_000_000, 5_000_000
+CAMERA_STAMP_TO_LOG_TIME_DELAY_NS, SENSOR_STAMP_TO_LOG_TIME_DELAY_NS = 20_000_000, 5_000_000
 """Time from the stamp of a frame, or of a sensor's message, to its log time, ns. Chosen by hand; not fitted."""
 SPEED_RATE_HZ, IMU_RATE_HZ = 50.0, 100.0
 """Message rates of the speed sensor and of the IMU, Hz. Chosen by hand as usual rates."""
@@ -73,9 +73,9 @@ IMU_NOISE_SIGMAS_MPS2_RADPS = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
 hand."""
 FRAME_JPEG_QUALITY_PERCENT = 95
 """JPEG quality of the frames, 0 to 100. Chosen by hand; not fitted."""
-LABEL_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
+DISTANCES_AHEAD_OF_LANE_LABEL_POINTS_M = (5.0, 10.0, 20.0, 30.0)
 """Distances ahead at which the lane labels give the boundaries in the body frame, m. Chosen by hand."""
-LATERAL_TRUTH_DISTANCES_M: FloatArray = np.arange(1.0, 68.0) / 2.0
+DISTANCES_AHEAD_OF_TRUE_LANE_POINTS_M: FloatArray = np.arange(1.0, 68.0) / 2.0
 """Distances ahead at which the lateral truth gives the lane, m, up to the paper's preview point; a straight line
 between them errs by less than 2 mm in a bend of 23 m."""
 
@@ -265,7 +265,9 @@ def _camera_image_channel(drive: RoadDrive, config: RoadLogConfig, stamp_ns: Int
             "format": repeat_string(config.format, stop - start),
         }
 
-    return StreamedChannel(CAMERA_TOPIC, "foxglove.CompressedImage", stamp_ns + CAMERA_DELAY_NS, make_rows=encode_rows)
+    return StreamedChannel(
+        CAMERA_TOPIC, "foxglove.CompressedImage", stamp_ns + CAMERA_STAMP_TO_LOG_TIME_DELAY_NS, make_rows=encode_rows
+    )
 
 
 def _encode_image(grey: npt.NDArray[np.uint8], kind: str) -> npt.NDArray[np.uint8]:
@@ -343,7 +345,7 @@ def encode_lane_labels(truth: LaneTruth, stamp_ns: int, index: int) -> bytes:
     """Encode the true lane of one frame as a JSON message of `LANES_SCHEMA`."""
     height = truth.camera.height_px
     h_samples = np.arange(height // 3, height, max(2, round(height / 72)))
-    x_m = np.array(LABEL_DISTANCES_M)
+    x_m = np.array(DISTANCES_AHEAD_OF_LANE_LABEL_POINTS_M)
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     document = {
         "timestamp": {"sec": seconds, "nsec": nanoseconds},
@@ -355,7 +357,7 @@ def encode_lane_labels(truth: LaneTruth, stamp_ns: int, index: int) -> bytes:
         "curvature_1pm": round(truth.curvature_1pm, 10),
         "lane_width_m": round(truth.lane_width_m, 6),
         "camera_pitch_rad": round(truth.camera.pitch_rad, 8),
-        "ground_x_m": list(LABEL_DISTANCES_M),
+        "ground_x_m": list(DISTANCES_AHEAD_OF_LANE_LABEL_POINTS_M),
         "ground_left_y_m": truth.boundary_y_m("left", x_m).round(6).tolist(),
         "ground_right_y_m": truth.boundary_y_m("right", x_m).round(6).tolist(),
     }
@@ -366,7 +368,9 @@ def _lateral_truth_channel(drive: RoadDrive, truths: Sequence[LaneTruth], stamp_
     """The channel of the true lateral motion, and of the lane ahead in the paper's signs."""
     states = drive.states_at(drive.time_s)
     preview = np.array([truth.lane_centre_at_preview(PAPER_PREVIEW_M) for truth in truths])
-    ahead = np.array([truth.lane_centre_y_direction_curvature(LATERAL_TRUTH_DISTANCES_M) for truth in truths])
+    ahead = np.array(
+        [truth.lane_centre_y_direction_curvature(DISTANCES_AHEAD_OF_TRUE_LANE_POINTS_M) for truth in truths]
+    )
     columns: dict[str, OutputField] = {
         "stamp_ns": stamp_ns,
         "lateral_speed_mps": states[:, LATERAL_SPEED],
@@ -375,7 +379,7 @@ def _lateral_truth_channel(drive: RoadDrive, truths: Sequence[LaneTruth], stamp_
         "heading_deviation_rad": -preview[:, 1],
         "steer_rad": states[:, STEER],
         "preview_distance_m": np.full(len(truths), PAPER_PREVIEW_M),
-        "ahead_m": np.tile(LATERAL_TRUTH_DISTANCES_M, (len(truths), 1)),
+        "ahead_m": np.tile(DISTANCES_AHEAD_OF_TRUE_LANE_POINTS_M, (len(truths), 1)),
         "ahead_lateral_deviation_m": -ahead[:, 0],
         "ahead_heading_deviation_rad": -ahead[:, 1],
     }
@@ -417,7 +421,7 @@ def _add_noise_and_stamps(
     """Add noise, stamps and log times to exact values (n, k) of a sensor."""
     noise = random_stream(seed, "road-drive", name).standard_normal(values.shape) * sigma
     stamp_ns = DRIVE_START_STAMP_NS + seconds_to_ns(time_s)
-    return SensorData(name, stamp_ns, stamp_ns + SENSOR_DELAY_NS, values + noise, sigma, 0)
+    return SensorData(name, stamp_ns, stamp_ns + SENSOR_STAMP_TO_LOG_TIME_DELAY_NS, values + noise, sigma, 0)
 
 
 def _simulate_speed_sensor(drive: RoadDrive) -> SensorData:

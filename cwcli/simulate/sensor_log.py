@@ -36,7 +36,7 @@ from cwcli.simulate.cdr import (
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, encode_bsm_json, encode_ode_json
 from cwcli.simulation.detectors import DetectionScans, positions_and_velocities_in_host_body_frame
 from cwcli.simulation.drive import SimulatedDrive
-from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario, ScenarioVehicle
 from cwcli.simulation.spec import SCENARIO_TOP_LEVEL_KEYS
 from cwcli.simulation.streams import seconds_to_ns
 from cwcli.version import __version__
@@ -209,8 +209,8 @@ def _target_truth_channel(scenario: Scenario) -> OutputChannel:
     """The channel of the other vehicles' true motion in the car's frame, time by time; steps of 1e-9."""
     n = int(np.floor(scenario.duration_s * scenario.truth_rate_hz + 1e-9)) + 1
     time_s: FloatArray = np.arange(n, dtype=np.float64) / scenario.truth_rate_hz
-    host = scenario.vehicles[HOST_NAME].motion.states_at(time_s)
-    others = [vehicle for name, vehicle in scenario.vehicles.items() if name != HOST_NAME]
+    host = scenario.vehicles[EGO_VEHICLE_KEY].motion.states_at(time_s)
+    others = [vehicle for name, vehicle in scenario.vehicles.items() if name != EGO_VEHICLE_KEY]
     relative = np.stack(
         [positions_and_velocities_in_host_body_frame(host, each.motion.states_at(time_s)) for each in others], axis=1
     )
@@ -251,8 +251,8 @@ def _write_truth_channels(log: LogWriter, scenario: Scenario, local_map: LocalMa
     """Write the true states of the ego and, on a topic of their own, of the others."""
     n = int(np.floor(scenario.duration_s * scenario.truth_rate_hz + 1e-9)) + 1
     time_s: FloatArray = np.arange(n, dtype=np.float64) / scenario.truth_rate_hz
-    others = {name: vehicle for name, vehicle in scenario.vehicles.items() if name != HOST_NAME}
-    groups = [(EGO_TRUTH_TOPIC, {HOST_NAME: scenario.vehicles[HOST_NAME]})] + (
+    others = {name: vehicle for name, vehicle in scenario.vehicles.items() if name != EGO_VEHICLE_KEY}
+    groups = [(EGO_TRUTH_TOPIC, {EGO_VEHICLE_KEY: scenario.vehicles[EGO_VEHICLE_KEY]})] + (
         [(OTHER_VEHICLES_TOPIC, others)] if others else []
     )
     topics = []
@@ -271,7 +271,7 @@ def _vehicle_truth_channel(
     states = np.stack([vehicle.motion.states_at(time_s) for vehicle in vehicles.values()], axis=1).reshape(-1, 8)
     lat_deg, lon_deg, _ = local_map.wgs84_from_map(states[:, 0], states[:, 1], np.zeros(len(states)))
     stamp_ns = np.repeat(start_ns + seconds_to_ns(time_s), n_vehicles)
-    ids = tuple("ego" if name == HOST_NAME else vehicle.station_id for name, vehicle in vehicles.items())
+    ids = tuple("ego" if name == EGO_VEHICLE_KEY else vehicle.station_id for name, vehicle in vehicles.items())
     fields: dict[str, Field] = {
         "stamp_ns": stamp_ns,
         "id": Strings(np.tile(np.arange(n_vehicles, dtype=np.int32), n_times), ids),

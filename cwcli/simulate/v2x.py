@@ -76,7 +76,7 @@ _UNAVAILABLE_BRAKES = {
     "auxBrakes": "unavailable",
 }
 """Brake status of SAE J2735 whose parts are all unavailable."""
-_UNAVAILABLE_ANGLE = 127
+_UNAVAILABLE_STEERING_WHEEL_ANGLE_CODE = 127
 """Value of a steering wheel angle, in steps of 1.5 deg, that stands for unavailable (SAE J2735)."""
 _UNAVAILABLE_VERTICAL_ACCEL = -127
 """Value of a vertical acceleration, in steps of 0.02 g, that stands for unavailable (SAE J2735)."""
@@ -133,7 +133,7 @@ def _bsm_core_data_in_raw_steps(data: ReceivedMessages, local_map: LocalMap) -> 
             "transmission": "forwardGears",
             "speed": speed_steps,
             "heading": course,
-            "angle": _UNAVAILABLE_ANGLE,
+            "angle": _UNAVAILABLE_STEERING_WHEEL_ANGLE_CODE,
             "accelSet": {"long": longitudinal, "lat": lateral, "vert": _UNAVAILABLE_VERTICAL_ACCEL, "yaw": yaw},
             "brakes": _UNAVAILABLE_BRAKES,
             "size": {"width": round(data.width_m * 100), "length": round(data.length_m * 100)},

@@ -19,7 +19,7 @@ TERRAIN_WAVELENGTHS_M = np.geomspace(80.0, 1200.0, 12)
 BODY_PITCH_FREQUENCIES_HZ = np.array([1.05, 1.32, 1.61, 1.93])
 """Frequencies at which the body pitches on its springs, shape (4,), Hz: 1 to 2 Hz, as of passenger cars. Chosen by
 hand."""
-HALF_BODY_PITCH_SPEED_MPS = 2.0
+SPEED_OF_HALF_BODY_PITCH_AMPLITUDE_MPS = 2.0
 """Speed v0 at which the body pitches half as much as at full speed, m/s: the amplitude goes with v^2 / (v^2 + v0^2).
 Chosen by hand; not fitted."""
 
@@ -83,8 +83,8 @@ class Attitude:
                     + np.arange(len(BODY_PITCH_FREQUENCIES_HZ)) / len(BODY_PITCH_FREQUENCIES_HZ)
                 )
             )
-            full = speed**2 + HALF_BODY_PITCH_SPEED_MPS**2
-            moving, change = speed**2 / full, 2.0 * speed * accel * HALF_BODY_PITCH_SPEED_MPS**2 / full**2
+            full = speed**2 + SPEED_OF_HALF_BODY_PITCH_AMPLITUDE_MPS**2
+            moving, change = speed**2 / full, 2.0 * speed * accel * SPEED_OF_HALF_BODY_PITCH_AMPLITUDE_MPS**2 / full**2
             wave, slope = np.sin(angle).sum(axis=1), np.cos(angle) @ (2.0 * np.pi * BODY_PITCH_FREQUENCIES_HZ)
             tilt[:, 0] += size * moving * wave
             tilt[:, 2] += size * (change * wave + moving * slope)

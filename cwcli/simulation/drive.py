@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.detectors import DetectionScans, simulate_detections
-from cwcli.simulation.scenario import HOST_NAME, Scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario
 from cwcli.simulation.sensors import SensorData, simulate_sensor_messages
 from cwcli.simulation.spec import DETECTOR_KEYS, SENSOR_KEYS
 from cwcli.simulation.streams import RunSpan
@@ -41,20 +41,20 @@ def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedD
     """
     chosen = scenario.seed if seed is None else seed
     end_s = scenario.duration_s
-    host = scenario.vehicles[HOST_NAME]
+    host = scenario.vehicles[EGO_VEHICLE_KEY]
     sensors = {
         name: simulate_sensor_messages(
             name,
             host.motion,
             settings,
             run=RunSpan(scenario.start_ns, end_s, chosen),
-            vehicle=HOST_NAME,
+            vehicle=EGO_VEHICLE_KEY,
             attitude=host.attitude,
         )
         for name, settings in scenario.sensors.items()
         if name in SENSOR_KEYS
     }
-    others = [vehicle.motion for name, vehicle in scenario.vehicles.items() if name != HOST_NAME]
+    others = [vehicle.motion for name, vehicle in scenario.vehicles.items() if name != EGO_VEHICLE_KEY]
     detections = {
         name: simulate_detections(name, host.motion, others, settings, RunSpan(scenario.start_ns, end_s, chosen))
         for name, settings in scenario.sensors.items()
@@ -63,7 +63,7 @@ def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedD
     received = {}
     if scenario.v2x is not None:
         for name, vehicle in scenario.vehicles.items():
-            if name != HOST_NAME and vehicle.has_v2x:
+            if name != EGO_VEHICLE_KEY and vehicle.has_v2x:
                 received[name] = simulate_received_messages(
                     name,
                     vehicle.motion,

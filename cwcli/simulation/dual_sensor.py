@@ -123,7 +123,7 @@ def _turn_path_positions(time_s: FloatArray) -> FloatArray:
     return np.stack([x, y], axis=1)
 
 
-TARGET_PATHS: dict[str, Callable[[FloatArray], FloatArray]] = {
+TARGET_POSITIONS_BY_PATH_SHAPE: dict[str, Callable[[FloatArray], FloatArray]] = {
     "line": _line_path_positions, "arc": _arc_path_positions, "weave": _weave_path_positions,
     "turn": _turn_path_positions,
 }  # fmt: skip
@@ -136,5 +136,5 @@ def times_and_true_states_on_path(
 ) -> tuple[FloatArray, FloatArray]:
     """Times (n,) and true states (n, 4) on a named path; the velocity is the path's central difference."""
     t = np.arange(n, dtype=np.float64) * period_s
-    path, h = TARGET_PATHS[name], 1e-5
+    path, h = TARGET_POSITIONS_BY_PATH_SHAPE[name], 1e-5
     return t, np.concatenate([path(t), (path(t + h) - path(t - h)) / (2.0 * h)], axis=1)

@@ -15,9 +15,9 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, N_STATES, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 from cwcli.simulation.attitude import LEVEL_ATTITUDE
-from cwcli.simulation.scenario import HOST_NAME, MAX_VEHICLE_SECONDS, Scenario, ScenarioVehicle
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, MAX_VEHICLE_SECONDS, Scenario, ScenarioVehicle
 
-MIN_SAMPLES = 2
+MIN_STATES_OF_RECORDED_ACTOR = 2
 """Least number of states of a recorded actor: two, between which its motion is interpolated."""
 MAX_STEP_OF_PRESENT_ACTOR_S = 1.0
 """Longest time between two states, s, in which a recorded actor is on the road. Chosen by hand."""
@@ -53,7 +53,11 @@ class RecordedMotion:
             UsageError: There are fewer than two, their times do not increase, or one is not finite.
         """
         time_s, state = track.time_s, track.state
-        if len(time_s) < MIN_SAMPLES or not (np.diff(time_s) > 0.0).all() or not np.isfinite(state).all():
+        if (
+            len(time_s) < MIN_STATES_OF_RECORDED_ACTOR
+            or not (np.diff(time_s) > 0.0).all()
+            or not np.isfinite(state).all()
+        ):
             raise UsageError("a recorded vehicle needs two finite states or more whose times increase")
         self._time_s, self._state = time_s, state.copy()
         self._state[:, HEADING] = np.unwrap(state[:, HEADING])
@@ -104,7 +108,7 @@ def replace_vehicles(scenario: Scenario, tracks: Mapping[str, RecordedTrack], *,
     Raises:
         UsageError: There is no host, a track is none, or there are too many.
     """
-    if HOST_NAME not in tracks:
+    if EGO_VEHICLE_KEY not in tracks:
         raise UsageError("recorded actors need the track of the host")
     vehicles = {}
     for vehicle, track in tracks.items():
@@ -114,10 +118,10 @@ def replace_vehicles(scenario: Scenario, tracks: Mapping[str, RecordedTrack], *,
         station = vehicle if is_id else f"{zlib.crc32(vehicle.encode()):08x}"
         vehicles[vehicle] = ScenarioVehicle(
             vehicle, station, RecordedMotion(track), LEVEL_ATTITUDE, track.length_m, track.width_m,
-            has_v2x=vehicle != HOST_NAME,
+            has_v2x=vehicle != EGO_VEHICLE_KEY,
         )  # fmt: skip
-    ordered = {HOST_NAME: vehicles[HOST_NAME], **vehicles}
-    end_s = float(tracks[HOST_NAME].time_s[-1])
+    ordered = {EGO_VEHICLE_KEY: vehicles[EGO_VEHICLE_KEY], **vehicles}
+    end_s = float(tracks[EGO_VEHICLE_KEY].time_s[-1])
     if len(tracks) * end_s > MAX_VEHICLE_SECONDS:
         raise UsageError(
             f"{len(tracks)} recorded vehicles for {end_s:.0f} s are too many: permitted are {MAX_VEHICLE_SECONDS:,} s "

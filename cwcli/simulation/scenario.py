@@ -33,7 +33,7 @@ from cwcli.simulation.spec import (
 from cwcli.simulation.truth import Motion, TrueMotion, check_motion_is_drivable
 from cwcli.toml_text import parse_toml, toml_value_error
 
-HOST_NAME = "host"
+EGO_VEHICLE_KEY = "host"
 """Key of the ego vehicle among the vehicles of a scenario."""
 DEFAULT_START_TIME = datetime(2016, 10, 1, 8, 0, 0, tzinfo=UTC)
 """Time of a run's start if the scenario states none. Chosen by hand."""
@@ -223,14 +223,14 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
 
 def _read_vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, ScenarioVehicle]:
     """Check the table of vehicles, and that station ids differ; the host comes first."""
-    if not isinstance(tables, Mapping) or HOST_NAME not in tables:
-        raise toml_value_error(source, f"vehicles.{HOST_NAME}", "is missing", "a table: the ego vehicle")
+    if not isinstance(tables, Mapping) or EGO_VEHICLE_KEY not in tables:
+        raise toml_value_error(source, f"vehicles.{EGO_VEHICLE_KEY}", "is missing", "a table: the ego vehicle")
     if len(tables) * top["duration_s"] > MAX_VEHICLE_SECONDS:
         what = f"has {len(tables)} tables, for {top['duration_s']:g} s"
         raise toml_value_error(source, "vehicles", what, f"{MAX_VEHICLE_SECONDS:,} s of all vehicles together")
     vehicles = {
         name: _read_vehicle(name, tables[name], top, source)
-        for name in (HOST_NAME, *(key for key in tables if key != HOST_NAME))
+        for name in (EGO_VEHICLE_KEY, *(key for key in tables if key != EGO_VEHICLE_KEY))
     }
     owners: dict[str, str] = {}
     for vehicle in vehicles.values():

@@ -261,7 +261,7 @@ SENSOR_KEYS: Mapping[str, Keys] = {
 }
 """Keys of each sensor; default noise is song2016's (docs/papers/song2016-scenarios.md)."""
 
-_DETECTOR_KEYS: Keys = {
+_KEYS_COMMON_TO_LIDAR_AND_RADAR: Keys = {
     "detection_probability": NumberKey(1, 0, 1, "", "Chance that a scan detects a vehicle in view."),
     "fov_deg": NumberKey(360, 1, 360, "deg", "Field of view, centred ahead."),
 }
@@ -272,7 +272,7 @@ DETECTOR_KEYS: Mapping[str, Keys] = {
         **COMMON_SENSOR_KEYS,
         "sigma_m": NumberKey(0.1, 0, 10, "m", "Noise of x and y, each, 1 sigma."),
         "max_range_m": NumberKey(200, 1, 1000, "m", "Largest range of a detection."),
-        **_DETECTOR_KEYS,
+        **_KEYS_COMMON_TO_LIDAR_AND_RADAR,
     },
     "radar": {
         **COMMON_SENSOR_KEYS,
@@ -280,7 +280,7 @@ DETECTOR_KEYS: Mapping[str, Keys] = {
         "azimuth_sigma_deg": NumberKey(0.5, 0, 45, "deg", "Noise of the azimuth, 1 sigma."),
         "rate_sigma_mps": NumberKey(0.12, 0, 10, "m/s", "Noise of the range rate, 1 sigma."),
         "max_range_m": NumberKey(100, 1, 1000, "m", "Largest range of a detection."),
-        **_DETECTOR_KEYS,
+        **_KEYS_COMMON_TO_LIDAR_AND_RADAR,
     },
 }
 """Keys of the sensors that detect other vehicles; default noise and range are xiang2019's (its two sensors' data

@@ -31,12 +31,12 @@ from cwcli.estimation.geodetic_faults import (
     is_position_doubted,
     topics_corrected_or_blamed,
 )
-from cwcli.estimation.hypotheses import HYPOTHESES
+from cwcli.estimation.hypotheses import UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND
 from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
 from cwcli.estimation.measurements import Measurements
 from cwcli.estimation.online_availability import (
-    PARAMETERS_FROM_LOG,
-    PARAMETERS_FROM_MESSAGES,
+    ORIGIN_NAME_OF_PARAMETERS_FROM_LOG,
+    ORIGIN_NAME_OF_PARAMETERS_FROM_MESSAGES,
     STAMP_ROUNDING_SLACK_NS,
     OnlineAvailability,
     available_times_of_states_ns,
@@ -201,7 +201,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     availabilities = [OnlineAvailability(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
     if remote is not None:
         of_remote = (
-            PARAMETERS_FROM_MESSAGES if estimator.takes_no_online_parameter_from_log else parameters
+            ORIGIN_NAME_OF_PARAMETERS_FROM_MESSAGES if estimator.takes_no_online_parameter_from_log else parameters
         )  # a calibration says nothing of other cars
         availabilities.append(
             OnlineAvailability(REMOTE_ONLINE.topic, of_remote, remote.online.stamp_ns, remote.online.log_time_ns)
@@ -436,7 +436,7 @@ def _build_summary(
         ]
     notes += [*remarks, *sources.notes, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
     notes.extend(_merged_remote_notes(tracks))
-    if online[0].parameters == PARAMETERS_FROM_LOG:
+    if online[0].parameters == ORIGIN_NAME_OF_PARAMETERS_FROM_LOG:
         notes.append(
             "noise and latencies of the online states were found from the whole log; with --calibration or "
             "--latency none no online state depends on a later message"
@@ -464,7 +464,7 @@ def _hint_for_online_states(correction: Correction, corrections: Sequence[Correc
     """
     kind = correction.who.kind
     name = "+".join(each.name for each in corrections if each.who == correction.who and not each.n_set_aside)
-    if compose_hypothesis_by_name(kind, HYPOTHESES.get(kind, ()), name) is None:
+    if compose_hypothesis_by_name(kind, UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND.get(kind, ()), name) is None:
         return ""
     return f"; --as {correction.who.source}={name} corrects them, too"
 

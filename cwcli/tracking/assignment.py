@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray, Int64Array, sort_distinct_values
 
 MAX_CANDIDATES_PER_TRACK = 32
 """Number of best detections of each track that are considered; it bounds the memory. Chosen by hand."""
-MAX_PAIRS_OF_GROUP = 2000
+MAX_TRACK_DETECTION_PAIRS_KEPT_PER_GROUP = 2000
 """Number of pairs that a group with more detections than this keeps, about; it bounds the memory. Chosen by hand."""
 _FORBIDDEN_PAIR_COST = 1.0e9
 """Cost of a forbidden pair in the assignment: larger than any sum of gains."""
@@ -95,8 +95,10 @@ def rows_and_columns_assigned_in_groups(gain: FloatArray) -> tuple[Int64Array, I
     for group in _group_rows_by_shared_columns(useful[rest]) if len(rest) else []:
         members = rest[group]
         mine = np.flatnonzero(useful[members].any(axis=0))
-        if len(mine) > MAX_PAIRS_OF_GROUP:
-            small[members] = _keep_best_of_each_row(small[members], max(2, MAX_PAIRS_OF_GROUP // len(members)))
+        if len(mine) > MAX_TRACK_DETECTION_PAIRS_KEPT_PER_GROUP:
+            small[members] = _keep_best_of_each_row(
+                small[members], max(2, MAX_TRACK_DETECTION_PAIRS_KEPT_PER_GROUP // len(members))
+            )
             mine = np.flatnonzero((small[members] > 0.0).any(axis=0))
         i, j = rows_and_columns_of_best_pairs(small[np.ix_(members, mine)])
         a.append(rows[members[i]])

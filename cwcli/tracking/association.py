@@ -10,14 +10,14 @@ from cwcli.tracking.detections import DetectionKind, SensorModel
 from cwcli.tracking.prepare import PreparedDetections
 from cwcli.tracking.scan_loop import Association, ScanLoop
 
-_MIN_MEASURED_EXTENT_BY_KIND = {
+_MIN_EXTENT_OF_SENSOR_MEASURING_RANGE_BY_KIND = {
     RowKind.POSITION: (20.0, 20.0),
     RowKind.RADAR_WITHOUT_RATE: (20.0, 1.0),
     RowKind.RADAR: (20.0, 1.0, 10.0),
 }
 """Least extent of each value over which a sensor measures, however little it saw: m; m, rad, m/s. Chosen by hand."""
 
-_DEFAULT_MEASURED_EXTENT_BY_KIND = {
+_DEFAULT_EXTENT_OF_SENSOR_MEASURING_RANGE_BY_KIND = {
     RowKind.POSITION: (100.0, 100.0),
     RowKind.RADAR_WITHOUT_RATE: (100.0, 1.0),
     RowKind.RADAR: (100.0, 1.0, 20.0),
@@ -28,11 +28,13 @@ _DEFAULT_MEASURED_EXTENT_BY_KIND = {
 def default_clutter_density(kind: DetectionKind, model: SensorModel) -> float:
     """The clutter density of an unknown sensor: one false detection per scan over its assumed extent."""
     if kind == DetectionKind.POSITION:
-        return float(1.0 / np.prod(_DEFAULT_MEASURED_EXTENT_BY_KIND[RowKind.POSITION]))
+        return float(1.0 / np.prod(_DEFAULT_EXTENT_OF_SENSOR_MEASURING_RANGE_BY_KIND[RowKind.POSITION]))
     return float(
         1.0
         / np.prod(
-            _DEFAULT_MEASURED_EXTENT_BY_KIND[RowKind.RADAR if model.use_range_rate else RowKind.RADAR_WITHOUT_RATE]
+            _DEFAULT_EXTENT_OF_SENSOR_MEASURING_RANGE_BY_KIND[
+                RowKind.RADAR if model.use_range_rate else RowKind.RADAR_WITHOUT_RATE
+            ]
         )
     )
 
@@ -45,7 +47,7 @@ def volume_of_measurement_space(prepared: PreparedDetections, source: int) -> fl
     rows = prepared.rows
     mine = rows.source == source
     kind = RowKind(rows.kind[mine].max(initial=RowKind.POSITION))
-    least = np.array(_MIN_MEASURED_EXTENT_BY_KIND[kind])
+    least = np.array(_MIN_EXTENT_OF_SENSOR_MEASURING_RANGE_BY_KIND[kind])
     if mine.sum() < 2:
         return float(np.prod(least))
     z = rows.z[mine][:, : len(least)]

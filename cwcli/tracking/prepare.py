@@ -28,7 +28,7 @@ MAX_RANGE_RATE_MPS = 200.0
 """Greatest possible range rate, m/s; rows beyond it are left out. Chosen by hand."""
 MAX_DETECTION_LATENESS_S = 1.0
 """Greatest time in s by which a detection may arrive later than a newer one. Chosen by hand; not fitted."""
-MIN_VARIANCE, MAX_VARIANCE = 1e-12, 1e8
+MIN_BELIEVED_STATED_DETECTION_VARIANCE, MAX_BELIEVED_STATED_DETECTION_VARIANCE = 1e-12, 1e8
 """Stated variances outside of these limits are absurd, and the sensor model's are used. Chosen by hand."""
 
 
@@ -201,8 +201,8 @@ def _measurement_covariances(data: Detections, model: SensorModel, counts: Detec
     diagonal = np.diagonal(data.covariance, axis1=1, axis2=2)
     sane = (
         has_covariance
-        & (np.abs(data.covariance) < MAX_VARIANCE).all(axis=(1, 2))
-        & (diagonal > MIN_VARIANCE).all(axis=1)
+        & (np.abs(data.covariance) < MAX_BELIEVED_STATED_DETECTION_VARIANCE).all(axis=(1, 2))
+        & (diagonal > MIN_BELIEVED_STATED_DETECTION_VARIANCE).all(axis=1)
     )
     mirrored = out.copy()
     mirrored[sane] = 0.5 * (data.covariance[sane] + data.covariance[sane].transpose(0, 2, 1))

@@ -10,7 +10,7 @@ from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.tracking.detections import Axes
 
-N_SIGMA_VALUES = 3
+NUMBER_OF_SIGMAS_IN_SENSOR_SETTING = 3
 """Number of sigmas of a setting: range, azimuth and range rate."""
 SENSOR_OPTION_EXAMPLE = "for example --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30,sigma=0.25/0.01/0.12"
 """Hint of errors in the option."""
@@ -78,9 +78,9 @@ def _parse_probability(text: str) -> float:
 def _parse_sigmas(text: str) -> tuple[float, ...]:
     """Parse up to three positive numbers `A/B/C`; a single one stands for all three."""
     values = tuple(_parse_positive_number(part) for part in text.split("/"))
-    if len(values) > N_SIGMA_VALUES:
+    if len(values) > NUMBER_OF_SIGMAS_IN_SENSOR_SETTING:
         raise ValueError(text)
-    return values * N_SIGMA_VALUES if len(values) == 1 else values
+    return values * NUMBER_OF_SIGMAS_IN_SENSOR_SETTING if len(values) == 1 else values
 
 
 def _make_choice_parser(*names: str) -> Callable[[str], str]:

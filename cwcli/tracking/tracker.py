@@ -23,7 +23,7 @@ TargetCountChoice = Literal["auto", "one", "many"]
 """Number of targets as the user gives it."""
 NO_SIGMA_FACTORS: Mapping[str, tuple[float, ...]] = {}
 """Factors on the sigmas of each sensor where no noise was tuned: an empty mapping, so that no sigma is scaled."""
-MAX_GATED_SHARE_OF_SINGLE_TARGET = 0.1
+MAX_DETECTIONS_OUTSIDE_GATE_OF_SINGLE_TARGET_SHARE = 0.1
 """Greatest share of detections outside the gate of a single target; a larger one means more targets. Chosen by hand;
 not fitted."""
 
@@ -243,7 +243,7 @@ def track_targets_and_name_method(
         result = track_one_target(detections, models, config, ego)
         gated = sum(count.rejected.get("outside the gate", 0) for count in result.counts.values())
         used = sum(count.used for count in result.counts.values())
-        if targets == "one" or gated <= MAX_GATED_SHARE_OF_SINGLE_TARGET * (gated + used):
+        if targets == "one" or gated <= MAX_DETECTIONS_OUTSIDE_GATE_OF_SINGLE_TARGET_SHARE * (gated + used):
             return result, "one"
     return track_many_targets(detections, models, config, ego), "many"
 

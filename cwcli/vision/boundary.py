@@ -63,7 +63,7 @@ class Boundary:
         return (self.a * y_px + self.b) * y_px + self.c
 
 
-NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
+BOUNDARY_NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
 """The boundary of a frame in which none was found: its numbers are NaN."""
 
 

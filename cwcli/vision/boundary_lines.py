@@ -9,7 +9,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, select_table_rows
 from cwcli.signals.lane_geometry import image_columns_of_arcs
 
-MIN_BOUNDARY_GAP_PX = 4.0
+MIN_DISTANCE_BETWEEN_BOTH_BOUNDARIES_SEARCH_PX = 4.0
 """Distance between both boundaries, in search pixels, below which they end. Chosen by hand; not fitted."""
 
 
@@ -59,7 +59,7 @@ class BoundaryLines:
         road_px = image_columns_of_arcs(self.roads[:, :, None], h, centre, focal)
         x_px = np.where(np.isfinite(self.roads).all(axis=2, keepdims=True), road_px, parabola_px)
         with np.errstate(invalid="ignore"):
-            meet = x_px[:, 1] - x_px[:, 0] <= MIN_BOUNDARY_GAP_PX
+            meet = x_px[:, 1] - x_px[:, 0] <= MIN_DISTANCE_BETWEEN_BOTH_BOUNDARIES_SEARCH_PX
         met_px = np.where(meet, y_px, np.inf).min(axis=1, initial=np.inf)
         ended = (height_px - y_px < self.top_px[:, None]) | (y_px >= met_px[:, None])
         return np.where(ended[:, None], np.nan, x_px)

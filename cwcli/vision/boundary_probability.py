@@ -28,7 +28,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.lane_following import has_lines_at_boundaries
 from cwcli.vision.lane_model import MIDDLE, WIDTH, ImageLane, ImageLanes, LeftRightProbabilities
-from cwcli.vision.vanishing import CLEAR_VOTE_SHARE
+from cwcli.vision.vanishing import MIN_CLEAR_VANISHING_POINT_VOTE_SHARE
 
 BOUNDARY_LOG_ODDS_WEIGHTS = np.array([9.64, 1.7, 3.18, -26.59])
 """Weights of the four features (1, root of support, logarithm of objective, root of clutter) of a followed lane in the
@@ -38,8 +38,9 @@ PROBABILITY_OF_WELL_SEEN_OTHER_LINE = 0.03
 """Share of boundaries that are another line although they are seen as well as any. Fitted with the weights above."""
 OBJECTIVE_OFFSET_BEFORE_LOGARITHM = 0.02
 """Objective that is added before the logarithm is taken, so that it stays finite. Chosen by hand; not fitted."""
-LOG_ODDS_PER_VOTE_SHARE = 22.0
-"""Log-odds that one unit of the vote share less than `CLEAR_VOTE_SHARE` takes off. Fitted with the weights above."""
+LOG_ODDS_LOSS_PER_MISSING_VOTE_SHARE = 22.0
+"""Log-odds that one unit of the vote share less than `MIN_CLEAR_VANISHING_POINT_VOTE_SHARE` takes off. Fitted with
+the weights above."""
 FIRST_FRAME_LOG_ODDS_WEIGHTS = np.array([10.07, 2.77, -22.2, 15.5, 1.0])
 """Weights of the features of a frame that is searched alone (`first_frame_probability_features`) in the log-odds; the
 last is 1 by choice. Fitted on rendered frames, noise, and 20 labelled frames in 7 kinds of weather and 40 other kinds
@@ -51,9 +52,13 @@ RIVAL_OBJECTIVE_DEFICIT_OF_WEIGHT_1_OVER_E = 0.12
 0.015, 0.03, 0.06 and 0.12 by the likelihood on the frames of the fit."""
 MAX_RIVAL_OBJECTIVE_GAIN = 0.3
 """Greatest gain of objective that counts for a rival. Chosen by hand; not fitted."""
-_CANDIDATE_OFFSETS = np.linspace(-2.0, 2.0, 81)
+_CANDIDATE_CLUTTER_OFFSETS_IN_LANE_WIDTHS = np.linspace(-2.0, 2.0, 81)
 """Lateral offsets from the lane's middle, in lane widths, of which the clutter offsets are chosen."""
-CLUTTER_OFFSETS = np.asarray(_CANDIDATE_OFFSETS[np.abs(np.abs(_CANDIDATE_OFFSETS) % 1.0 - 0.5) > 0.1])
+OFFSETS_OF_CLUTTER_MEASUREMENT_IN_LANE_WIDTHS = np.asarray(
+    _CANDIDATE_CLUTTER_OFFSETS_IN_LANE_WIDTHS[
+        np.abs(np.abs(_CANDIDATE_CLUTTER_OFFSETS_IN_LANE_WIDTHS) % 1.0 - 0.5) > 0.1
+    ]
+)
 """Offsets from the lane's middle, in lane widths, at which clutter is measured: none within 0.1 of a boundary of the
 lane or of a neighbouring lane. Chosen by hand; not fitted."""
 
@@ -65,7 +70,7 @@ def left_and_right_paint_shares(evidence: StripeEvidence, lane: ImageLane) -> Fl
 
 def road_clutter_share(evidence: StripeEvidence, lane: ImageLane) -> float:
     """Share of the road beside the boundaries, two lanes to each side, that looks like a bright stripe, 0 to 1."""
-    places = lane[MIDDLE] + CLUTTER_OFFSETS * lane[WIDTH]
+    places = lane[MIDDLE] + OFFSETS_OF_CLUTTER_MEASUREMENT_IN_LANE_WIDTHS * lane[WIDTH]
     return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.scoring_settings())
 
 
@@ -102,7 +107,7 @@ def boundary_probabilities(
             objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
     coefficients: list[float] = BOUNDARY_LOG_ODDS_WEIGHTS.tolist()
-    by_votes = LOG_ODDS_PER_VOTE_SHARE * vote_share_shortfall(vote_share)
+    by_votes = LOG_ODDS_LOSS_PER_MISSING_VOTE_SHARE * vote_share_shortfall(vote_share)
     left, right = (
         (1.0 - PROBABILITY_OF_WELL_SEEN_OTHER_LINE)
         / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)) + by_votes, -30.0), 30.0)))
@@ -113,7 +118,7 @@ def boundary_probabilities(
 
 def vote_share_shortfall(vote_share: float) -> float:
     """How far the share of the votes for the vanishing point is below that of a clear road, at most 0."""
-    return min(vote_share - CLEAR_VOTE_SHARE, 0.0)
+    return min(vote_share - MIN_CLEAR_VANISHING_POINT_VOTE_SHARE, 0.0)
 
 
 def rival_weights_of_left_and_right(lanes: ImageLanes, objectives: FloatArray, height_px: int) -> tuple[float, float]:

@@ -38,7 +38,7 @@ FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt")
 """Distortion models, by their names in messages, that OpenCV's fisheye functions compute."""
 POLYNOMIAL_MODELS = ("plumb_bob", "rational_polynomial", "thin_prism", "radtan", "")
 """Distortion models, by their names in messages, that OpenCV's polynomial functions compute."""
-KNOWN_MODELS = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
+KNOWN_DISTORTION_MODEL_NAMES = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
 """All distortion models that a calibration may name."""
 MIN_RAY_COMPONENT_TO_DIVIDE_BY = 1e-9
 """Least component of a direction, forward or down, that is divided by; smaller ones count as parallel. Chosen by hand;
@@ -311,11 +311,11 @@ def camera_from_calibration(info: CameraInfoSignal, mounting: Mounting, *, is_re
         UsageError: The distortion model is unknown.
     """
     model = info.distortion_model.lower()
-    if model not in KNOWN_MODELS:
+    if model not in KNOWN_DISTORTION_MODEL_NAMES:
         raise UsageError(
             f"the distortion model {info.distortion_model!r} is unknown",
             where=info.source,
-            hint=f"known: {', '.join(name for name in KNOWN_MODELS if name)}",
+            hint=f"known: {', '.join(name for name in KNOWN_DISTORTION_MODEL_NAMES if name)}",
         )
     k = info.projection[:, :3] if is_rectified else info.intrinsic
     return Camera(

@@ -17,20 +17,20 @@ N_SIDES = 2
 """Number of boundaries of a lane."""
 _NUMBERS_PER_SIDE = 8 + 9
 """Stored numbers of a boundary: eight of its own, nine of its covariance."""
-_NUMBERS_PER_ROAD = 4
+_STORED_NUMBERS_PER_BOUNDARY_ROAD_CURVE = 4
 """Stored numbers of a boundary's road curve: far, near, bend, spiral."""
-_ROAD_NUMBERS_PER_FIT = N_SIDES * _NUMBERS_PER_ROAD
+_STORED_NUMBERS_OF_BOTH_ROAD_CURVES_PER_FIT = N_SIDES * _STORED_NUMBERS_PER_BOUNDARY_ROAD_CURVE
 """Stored numbers of both road curves."""
 _JOINT_COVARIANCE_SIZE = 7
 """Size of the joint covariance: a, b, c of both boundaries, and the pitch."""
-_SHARED_NUMBERS_PER_FIT = 5 + _ROAD_NUMBERS_PER_FIT + _JOINT_COVARIANCE_SIZE**2
+_SHARED_NUMBERS_PER_FIT = 5 + _STORED_NUMBERS_OF_BOTH_ROAD_CURVES_PER_FIT + _JOINT_COVARIANCE_SIZE**2
 """Stored numbers of a fit that belong to the whole lane: pitch, yaw, state, steady time and lane change, the curves of
 the road, and the joint covariance."""
 _NUMBERS_PER_FIT = N_SIDES * _NUMBERS_PER_SIDE + _SHARED_NUMBERS_PER_FIT
 """Stored numbers of a fit."""
 _NAN_COVARIANCE_OF_MISSING_SIDE = (float("nan"),) * 9
 """Stored numbers of a boundary's covariance where there is none."""
-_MISSING_ROAD = (float("nan"),) * _NUMBERS_PER_ROAD
+_NAN_NUMBERS_OF_MISSING_ROAD_CURVE = (float("nan"),) * _STORED_NUMBERS_PER_BOUNDARY_ROAD_CURVE
 """Stored numbers of a road curve where there is none."""
 _MISSING_JOINT_COVARIANCE = (float("nan"),) * _JOINT_COVARIANCE_SIZE**2
 """Stored numbers of the joint covariance where there is none."""
@@ -89,9 +89,9 @@ class FitCollector:
             self._numbers.extend(_numbers_of_boundary_in_stored_order(side))
         self._numbers.extend((fit.pitch_rad, fit.yaw_rad, fit.state, fit.steady_s, fit.lane_change))
         found = (fit.left.found, fit.right.found)
-        roads = [_MISSING_ROAD] * N_SIDES if fit.roads is None else fit.roads.tolist()
+        roads = [_NAN_NUMBERS_OF_MISSING_ROAD_CURVE] * N_SIDES if fit.roads is None else fit.roads.tolist()
         for road, is_found in zip(roads, found, strict=True):
-            self._numbers.extend(road if is_found else _MISSING_ROAD)
+            self._numbers.extend(road if is_found else _NAN_NUMBERS_OF_MISSING_ROAD_CURVE)
         has_joint = fit.covariance is not None and all(found)
         self._numbers.extend(fit.covariance.ravel().tolist() if has_joint else _MISSING_JOINT_COVARIANCE)  # type: ignore[union-attr]
 
@@ -113,8 +113,10 @@ class FitCollector:
             state=whole_lane_columns[:, 2].astype(np.int8),
             steady_s=whole_lane_columns[:, 3],
             lane_change=whole_lane_columns[:, 4].astype(np.int8),
-            roads=whole_lane_columns[:, 5 : 5 + _ROAD_NUMBERS_PER_FIT].reshape(-1, N_SIDES, _NUMBERS_PER_ROAD),
-            joint_covariance=whole_lane_columns[:, 5 + _ROAD_NUMBERS_PER_FIT :].reshape(
+            roads=whole_lane_columns[:, 5 : 5 + _STORED_NUMBERS_OF_BOTH_ROAD_CURVES_PER_FIT].reshape(
+                -1, N_SIDES, _STORED_NUMBERS_PER_BOUNDARY_ROAD_CURVE
+            ),
+            joint_covariance=whole_lane_columns[:, 5 + _STORED_NUMBERS_OF_BOTH_ROAD_CURVES_PER_FIT :].reshape(
                 -1, _JOINT_COVARIANCE_SIZE, _JOINT_COVARIANCE_SIZE
             ),
         )

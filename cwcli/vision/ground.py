@@ -47,7 +47,7 @@ MAX_SAMPLE_HEIGHT_SHARE = 0.625
 MIN_DEPTH_BELOW_HORIZON_SHARE = 0.03
 """Least distance below the horizon at which evidence is looked for and boundaries are drawn, over the image's height:
 nearer to it a marking is narrower than a pixel (12 cm, 1.3 m below a camera with 360 rows)."""
-MIN_SAMPLED_HEIGHT_PX = 8.0
+MIN_TOP_HEIGHT_OF_BOUNDARY_SAMPLES_PX = 8.0
 """Least height up to which boundaries are sampled, in pixels above the image's bottom. Chosen by hand; not fitted."""
 MIN_DRAWN_BOUNDARY_TOP_HEIGHT_PX = 2.0
 """Least height at which a drawn boundary ends, in pixels above the image's bottom. Chosen by hand; not fitted."""
@@ -210,7 +210,7 @@ def _height_of_highest_sample_px(camera: Camera, pitch_rad: FloatArray) -> Float
     return np.asarray(
         np.clip(
             _height_of_road_60_m_ahead_px(camera, pitch_rad),
-            MIN_SAMPLED_HEIGHT_PX,
+            MIN_TOP_HEIGHT_OF_BOUNDARY_SAMPLES_PX,
             MAX_SAMPLE_HEIGHT_SHARE * camera.height_px,
         )
     )

@@ -31,7 +31,7 @@ PNG_DATA_CHUNK_TYPE = b"IDAT"
 """Type of the chunks of a PNG that hold its pixels (PNG specification, 11.2.4)."""
 MAX_PNG_CHANNELS, MAX_PNG_SAMPLE_BYTES = 4, 2
 """Greatest number of channels of a PNG, and of bytes of a sample (PNG specification, 11.2.2)."""
-PNG_SPARE_BYTES = 10_000
+MAX_BYTES_OF_SMALL_PNG_BEYOND_ITS_PIXELS = 10_000
 """Bytes that a small PNG may hold beyond its pixels: compression makes random data a little longer. Chosen by hand."""
 _START_OF_FRAME_MARKERS = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Second bytes of the markers that start a JPEG frame and hold its size (ITU-T T.81, table B.1)."""
@@ -73,7 +73,7 @@ def excess_data_reason_or_empty(data: Bytes, header: ImageHeader) -> str:
         return f"more than {MAX_JPEG_SCANS} scans"
     if header.kind == "png":
         row_bytes = 1 + header.width_px * MAX_PNG_CHANNELS * MAX_PNG_SAMPLE_BYTES
-        max_bytes = header.height_px * row_bytes + PNG_SPARE_BYTES
+        max_bytes = header.height_px * row_bytes + MAX_BYTES_OF_SMALL_PNG_BEYOND_ITS_PIXELS
         if len(data) > max_bytes and _count_png_data_bytes(data) > max_bytes:
             return "more data than a picture of its size holds"
     return ""

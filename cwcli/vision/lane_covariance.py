@@ -44,26 +44,26 @@ COVARIANCE_PER_INVERSE_OBJECTIVE_CURVATURE = 0.002
 (tests/studies/lane_nees.py, seed 3)."""
 CURVATURE_CHANGE_SIGMA_1PM2 = 4e-6
 """Sigma of the change of a road's curvature per metre, in 1/m^2. Fitted on the same rendered drives."""
-NEAR_ROW_SHARE, FAR_ROW_SHARE = 0.6, 0.15
+NEAR_ROW_BELOW_HORIZON_SHARE, FAR_ROW_BELOW_HORIZON_SHARE = 0.6, 0.15
 """The near and the far row, as shares of the way from the horizon to the bottom. Chosen by hand; not fitted."""
-NEAR_PLACE_STEP, FAR_PLACE_STEP = 0.04, 0.06
+NEAR_ROW_LATERAL_STEP_IN_SCALED_CAMERA_HEIGHTS, FAR_ROW_LATERAL_STEP_IN_SCALED_CAMERA_HEIGHTS = 0.04, 0.06
 """Steps of the places in the near and in the far row, over the camera's height times fx / fy: about half a marking's
 width."""
 HORIZON_DERIVATIVE_STEP_SHARE = 0.006
 """Step of the horizon, over the image's height. Chosen by hand; not fitted."""
 SIGMA_CAP_IN_DERIVATIVE_STEPS = 1.0
 """Greatest sigma in steps: that of what no step makes worse. Chosen by hand; not fitted."""
-N_LANE_NUMBERS = 5
+N_LANE_PARAMETERS = 5
 """Number of a lane's numbers that have a covariance: all but the change of curvature."""
-_PAIR_ROWS, _PAIR_COLUMNS = np.triu_indices(N_LANE_NUMBERS, 1)
+_ROWS_OF_UPPER_TRIANGLE, _COLUMNS_OF_UPPER_TRIANGLE = np.triu_indices(N_LANE_PARAMETERS, 1)
 """Rows and columns of the elements above the diagonal of the information matrix of a lane's numbers."""
 _STENCIL_STEPS = np.concatenate(
     [
-        np.zeros((1, N_LANE_NUMBERS)),
-        np.eye(N_LANE_NUMBERS),
-        -np.eye(N_LANE_NUMBERS),
-        np.eye(N_LANE_NUMBERS)[_PAIR_ROWS] + np.eye(N_LANE_NUMBERS)[_PAIR_COLUMNS],
-        -np.eye(N_LANE_NUMBERS)[_PAIR_ROWS] - np.eye(N_LANE_NUMBERS)[_PAIR_COLUMNS],
+        np.zeros((1, N_LANE_PARAMETERS)),
+        np.eye(N_LANE_PARAMETERS),
+        -np.eye(N_LANE_PARAMETERS),
+        np.eye(N_LANE_PARAMETERS)[_ROWS_OF_UPPER_TRIANGLE] + np.eye(N_LANE_PARAMETERS)[_COLUMNS_OF_UPPER_TRIANGLE],
+        -np.eye(N_LANE_PARAMETERS)[_ROWS_OF_UPPER_TRIANGLE] - np.eye(N_LANE_PARAMETERS)[_COLUMNS_OF_UPPER_TRIANGLE],
     ]
 )
 """Places at which the objective is evaluated, shape (31, 5), in steps."""
@@ -85,19 +85,21 @@ def covariance_of_first_five_lane_numbers(
     places = places * steps
     lanes = np.empty((len(_STENCIL_STEPS), len(lane)))
     lanes[:] = lane
-    lanes[:, :N_LANE_NUMBERS] += _STENCIL_STEPS @ places.T
+    lanes[:, :N_LANE_PARAMETERS] += _STENCIL_STEPS @ places.T
     values = lane_objectives(evidence, lanes, table)
     values = np.maximum(values, values[0] - 1.0)  # beyond a limit of the prior there is no value
-    fall = 2.0 * values[0] - values[1 : 1 + N_LANE_NUMBERS] - values[1 + N_LANE_NUMBERS : 1 + 2 * N_LANE_NUMBERS]
+    fall = (
+        2.0 * values[0] - values[1 : 1 + N_LANE_PARAMETERS] - values[1 + N_LANE_PARAMETERS : 1 + 2 * N_LANE_PARAMETERS]
+    )
     pairs = (
         2.0 * values[0]
-        - values[1 + 2 * N_LANE_NUMBERS : 1 + 2 * N_LANE_NUMBERS + len(_PAIR_ROWS)]
-        - values[1 + 2 * N_LANE_NUMBERS + len(_PAIR_ROWS) :]
+        - values[1 + 2 * N_LANE_PARAMETERS : 1 + 2 * N_LANE_PARAMETERS + len(_ROWS_OF_UPPER_TRIANGLE)]
+        - values[1 + 2 * N_LANE_PARAMETERS + len(_ROWS_OF_UPPER_TRIANGLE) :]
     )
     information = np.diag(fall)
-    information[_PAIR_ROWS, _PAIR_COLUMNS] = information[_PAIR_COLUMNS, _PAIR_ROWS] = 0.5 * (
-        pairs - fall[_PAIR_ROWS] - fall[_PAIR_COLUMNS]
-    )
+    information[_ROWS_OF_UPPER_TRIANGLE, _COLUMNS_OF_UPPER_TRIANGLE] = information[
+        _COLUMNS_OF_UPPER_TRIANGLE, _ROWS_OF_UPPER_TRIANGLE
+    ] = 0.5 * (pairs - fall[_ROWS_OF_UPPER_TRIANGLE] - fall[_COLUMNS_OF_UPPER_TRIANGLE])
     value, vector = np.linalg.eigh(information)
     axes = places @ vector
     covariance: FloatArray = (
@@ -117,7 +119,7 @@ def covariance_of_first_five_lane_numbers(
 def _near_and_far_depth_px(horizon_px: float, height_px: int) -> tuple[float, float]:
     """Rows below the horizon of the places near by and far away."""
     depth = max(height_px - horizon_px, 8.0)
-    return NEAR_ROW_SHARE * depth, FAR_ROW_SHARE * depth
+    return NEAR_ROW_BELOW_HORIZON_SHARE * depth, FAR_ROW_BELOW_HORIZON_SHARE * depth
 
 
 def _lane_derivatives_by_place_and_place_steps_px(
@@ -132,11 +134,14 @@ def _lane_derivatives_by_place_and_place_steps_px(
     near, far = _near_and_far_depth_px(horizon_px, height_px)
     half, share = 0.5 / (near - far), 1.0 / near  # of the middle, and of the bend
     middle = (half, half, -2.0 * half, share, 0.0)
-    numbers: list[tuple[float, ...]] = [()] * N_LANE_NUMBERS
+    numbers: list[tuple[float, ...]] = [()] * N_LANE_PARAMETERS
     numbers[VANISHING] = (-far * half, -far * half, 1.0 + 2.0 * far * half, -1.0 - far * share, 0.0)
     numbers[MIDDLE], numbers[WIDTH] = middle, (-share, share, 0.0, 0.0, 0.0)
     numbers[BEND], numbers[HORIZON] = (0.0, 0.0, 0.0, far, 0.0), (0.0, 0.0, 0.0, 0.0, 1.0)
-    near_px, far_px = NEAR_PLACE_STEP * stretch * near, max(FAR_PLACE_STEP * stretch * far, 1.0)
+    near_px, far_px = (
+        NEAR_ROW_LATERAL_STEP_IN_SCALED_CAMERA_HEIGHTS * stretch * near,
+        max(FAR_ROW_LATERAL_STEP_IN_SCALED_CAMERA_HEIGHTS * stretch * far, 1.0),
+    )
     steps = np.array([near_px, near_px, far_px, far_px, max(HORIZON_DERIVATIVE_STEP_SHARE * height_px, 1.0)])
     return np.array(numbers), steps
 
@@ -149,7 +154,7 @@ def propagate_covariance_to_fit(lane: ImageLane, covariance: FloatArray, camera:
         camera: The camera in the pixels of the image that was searched.
     """
     sigma = np.sqrt(np.diagonal(covariance))
-    steps = np.eye(N_LANE_NUMBERS, len(lane)) * sigma[:, None]
+    steps = np.eye(N_LANE_PARAMETERS, len(lane)) * sigma[:, None]
     published = np.array(
         [
             [*fit_boundary_parabolas(each, camera).ravel().tolist(), pitch_from_horizon_rad(each, camera)]

@@ -57,16 +57,16 @@ mean depth of dark stripes. Chosen in sight of 40 labelled and of rendered frame
 BRIGHTNESS_ASYMMETRY_WEIGHT = 0.3
 """Share of the brightness difference between both sides that is taken off a stripe's contrast. Chosen by hand; not
 fitted."""
-JOINT_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS = (0.025, 0.03, 0.06)
+DARK_STRIPE_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS = (0.025, 0.03, 0.06)
 """Widths of the window, the gap and the side windows of dark stripes (joints of concrete, shadows of raised dots), over
 the camera's height. They are narrower than markings. Chosen in sight of 40 labelled frames."""
-MAX_UNCROWDED_JOINT_SHARE_OF_ROW = 0.02
+MAX_UNCROWDED_DARK_STRIPE_SHARE_OF_ROW = 0.02
 """Share of dark stripes in a row above which they count less: concrete has a few joints, rough asphalt many dark
 stripes. Chosen in sight of 40 labelled frames."""
-JOINT_WEIGHT = 0.12
+PAVEMENT_JOINT_WEIGHT_RELATIVE_TO_PAINTED_STRIPE = 0.12
 """Weight of a pavement joint relative to a painted stripe in the evidence. Chosen in sight of 40 labelled and of
 rendered frames (docs/lanes.md)."""
-MAX_JOINT_DISTANCE_IN_CAMERA_HEIGHTS = 0.08
+MAX_PAVEMENT_JOINT_TO_BOUNDARY_IN_CAMERA_HEIGHTS = 0.08
 """Greatest distance of a joint from the boundary that it supports, over the camera's height (10 cm): markings and dots
 are laid some centimetres beside joints. Chosen in sight of 40 labelled frames."""
 NEIGHBOURING_LANE_WEIGHT = 0.5
@@ -96,7 +96,7 @@ SAME_HORIZON_TOLERANCE_PX = 1.0
 INNER_STRIPE_SHIFTS_IN_CAMERA_HEIGHTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
 """Distances from a boundary at which the inner stripe of a double marking is looked for, over the camera's height.
 Chosen by hand; not fitted."""
-MIN_INNER_STRIPE_SHARE = 0.5
+MIN_INNER_TO_OUTER_STRIPE_EVIDENCE_RATIO = 0.5
 """Least evidence of an inner stripe relative to the outer one. Chosen by hand; not fitted."""
 MIN_OUTER_STRIPE_EVIDENCE = 0.15
 """Evidence that the outer stripe has at least in that comparison. Chosen by hand; not fitted."""
@@ -178,7 +178,9 @@ def _stripe_kernel_settings(stretch: float, *, is_joint: bool = False) -> lane_s
     """Settings with which the kernel finds stripes, or joints, for a camera of this fx / fy."""
     inner, gap, side = (
         stretch * each
-        for each in (JOINT_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS if is_joint else STRIPE_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS)
+        for each in (
+            DARK_STRIPE_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS if is_joint else STRIPE_WINDOW_GAP_SIDE_IN_CAMERA_HEIGHTS
+        )
     )
     return {
         "inner": inner,
@@ -189,7 +191,7 @@ def _stripe_kernel_settings(stretch: float, *, is_joint: bool = False) -> lane_s
         "rough": NOISE_ROUGHNESS_FACTOR,
         "lopsided": BRIGHTNESS_ASYMMETRY_WEIGHT,
         "dead": EVIDENCE_DEAD_ZONE,
-        "crowded": MAX_UNCROWDED_JOINT_SHARE_OF_ROW if is_joint else MAX_UNCROWDED_STRIPE_SHARE_OF_ROW,
+        "crowded": MAX_UNCROWDED_DARK_STRIPE_SHARE_OF_ROW if is_joint else MAX_UNCROWDED_STRIPE_SHARE_OF_ROW,
     }
 
 
@@ -219,8 +221,8 @@ def measure_stripe_evidence(
         horizon_px,
         _stripe_kernel_settings(pinhole.focal_length_ratio),
         _stripe_kernel_settings(pinhole.focal_length_ratio, is_joint=True),
-        joint_weight=JOINT_WEIGHT if with_joints else 0.0,
-        joint_reach=MAX_JOINT_DISTANCE_IN_CAMERA_HEIGHTS * pinhole.focal_length_ratio,
+        joint_weight=PAVEMENT_JOINT_WEIGHT_RELATIVE_TO_PAINTED_STRIPE if with_joints else 0.0,
+        joint_reach=MAX_PAVEMENT_JOINT_TO_BOUNDARY_IN_CAMERA_HEIGHTS * pinhole.focal_length_ratio,
         reach=reach,
         broad_reach=broad_reach,
         evidence=evidence,
@@ -500,7 +502,7 @@ def move_to_inner_stripes(
             mean = np.maximum(values, 0.0).mean(axis=1)
             k = 1 + int(mean[1:].argmax())
             if (
-                mean[k] > MIN_INNER_STRIPE_SHARE * max(mean[0], MIN_OUTER_STRIPE_EVIDENCE)
+                mean[k] > MIN_INNER_TO_OUTER_STRIPE_EVIDENCE_RATIO * max(mean[0], MIN_OUTER_STRIPE_EVIDENCE)
                 and mean[: k + 1].min() < 0.5 * mean[k]
             ):
                 lane[MIDDLE] += 0.5 * sign * shifts[k]

@@ -38,7 +38,7 @@ MIN_OFFSET_OF_LANE_CHANGE_IN_WIDTHS = 0.55
 not fitted."""
 MAX_FOLLOWED_OFFSET_IN_WIDTHS = 0.65
 """Greatest offset of the camera from the middle of a followed lane, in lane widths. Chosen by hand; not fitted."""
-MIN_OFFSET_BETWEEN_LANES_IN_WIDTHS = 0.35
+MIN_CAMERA_OFFSET_TO_CONSIDER_NEXT_LANE_IN_WIDTHS = 0.35
 """Offset of the camera from the lane's middle, in lane widths, above which the next lane may take this one's place.
 Chosen by hand; not fitted."""
 NEXT_LANE_TOLERANCE_IN_WIDTHS = 0.2
@@ -51,10 +51,10 @@ FOLLOWED_HEADING_SIGMA_RAD = 0.05
 points aside. Chosen on the same drives as the sigma of the offset."""
 FOLLOWED_CURVATURE_SIGMA_1PM = 0.02
 """Sigma of the curvature of a followed lane, in 1/m. Chosen by hand; not fitted."""
-MAX_LATERAL_SPEED_MPS = 0.8
+MAX_BOUNDARY_SPEED_FROM_PREDICTION_KNOWN_MOTION_MPS = 0.8
 """Greatest lateral speed of a boundary relative to its prediction where speed and heading are known, in m/s: 0.03 rad
 at 25 m/s."""
-MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS = 1.5
+MAX_BOUNDARY_LATERAL_SPEED_UNKNOWN_CAR_MOTION_MPS = 1.5
 """Greatest lateral speed of a boundary where the car's motion is not known, in m/s: that of a swift lane change."""
 MAX_WIDENING_SPEED_MPS = 0.6
 """Greatest rate at which a lane's width changes, in m/s: a taper of 1 : 40 at 25 m/s."""
@@ -74,7 +74,7 @@ LATERAL_JERK_SIGMA_MPS3 = 1.0
 for, 0.5 to 1; ramps have more."""
 MAX_CURVATURE_CHANGE_IN_PRIOR_SIGMAS = 4.0
 """Greatest change of curvature that is searched, in sigmas of its prior. Chosen by hand; not fitted."""
-UNPREDICTED_TURN_DISTANCE_M = 10.0
+DISTANCE_OVER_WHICH_NEW_BEND_TURNS_LANE_UNPREDICTED_M = 10.0
 """Distance over which a bend that begins turns the lane without being predicted, in metres. Chosen on ramp 200 of
 `tests.studies.lane_drives`."""
 MIN_SPEED_WITHOUT_NEW_BENDS_MPS = 20.0
@@ -141,7 +141,11 @@ def prior_of_followed_lane(prior: LanePrior, camera: Camera, speed_mps: float) -
         drift[SPIRAL] = spiral
         if speed_mps < MIN_SPEED_WITHOUT_NEW_BENDS_MPS:
             drift[VANISHING] = math.hypot(
-                drift[VANISHING], camera.fx * UNPREDICTED_TURN_DISTANCE_M * LATERAL_JERK_SIGMA_MPS3 / speed_mps**2
+                drift[VANISHING],
+                camera.fx
+                * DISTANCE_OVER_WHICH_NEW_BEND_TURNS_LANE_UNPREDICTED_M
+                * LATERAL_JERK_SIGMA_MPS3
+                / speed_mps**2,
             )
             rows[SPIRAL] = [
                 0.0,
@@ -270,7 +274,10 @@ def shift_to_adjacent_lane(lane: ImageLane, left_1_right_minus_1: int) -> ImageL
 
 
 def narrow_prior_table(
-    prior: LanePrior, lane: ImageLane, dt_s: float, sideways_mps: float = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS
+    prior: LanePrior,
+    lane: ImageLane,
+    dt_s: float,
+    sideways_mps: float = MAX_BOUNDARY_LATERAL_SPEED_UNKNOWN_CAR_MOTION_MPS,
 ) -> FloatArray:
     """The table of a prior narrowed around a predicted lane, shape (6, 4).
 
@@ -348,5 +355,5 @@ def lane_change_between_left_1_right_minus_1(lane: ImageLane, other: ImageLane) 
     width = 0.5 * float(lane[WIDTH] + other[WIDTH])
     change = 1 if lane[MIDDLE] > other[MIDDLE] else -1
     difference_m = abs(float(lane[MIDDLE] - other[MIDDLE]))
-    is_between = change * float(lane[MIDDLE]) > MIN_OFFSET_BETWEEN_LANES_IN_WIDTHS * width
+    is_between = change * float(lane[MIDDLE]) > MIN_CAMERA_OFFSET_TO_CONSIDER_NEXT_LANE_IN_WIDTHS * width
     return change if is_between and abs(difference_m - width) < NEXT_LANE_TOLERANCE_IN_WIDTHS * width else 0

@@ -13,7 +13,7 @@ from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.lane_detect import StripeEvidence, best_lane_on_wide_evidence, lane_objectives, refine_lanes
 from cwcli.vision.lane_following import (
     MARGIN_OF_BOUNDARY_MOVEMENT_M,
-    MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS,
+    MAX_BOUNDARY_LATERAL_SPEED_UNKNOWN_CAR_MOTION_MPS,
     curvature_candidates,
     has_lines_at_boundaries,
     max_boundary_difference_m,
@@ -120,7 +120,7 @@ def choose_tight_or_gentle_bend(
         prior: The prior of gentle bends.
     """
     gentle, last = refine_predicted_lane(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=False)
-    reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
+    reach_m = MAX_BOUNDARY_LATERAL_SPEED_UNKNOWN_CAR_MOTION_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
     if (
         tight_lane_and_objective[1] <= last + MIN_OBJECTIVE_GAIN_TO_SWITCH
         and max_boundary_difference_m(gentle, tight_lane_and_objective[0], prior, size[1]) <= reach_m

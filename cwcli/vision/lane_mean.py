@@ -36,7 +36,7 @@ OBJECTIVE_DIFFERENCE_OF_WEIGHT_1_OVER_E = 0.015
 of 40 labelled and of rendered frames (docs/lanes.md)."""
 N_SAMPLE_POINTS, N_FITTING_ROUNDS = 192, 3
 """Number of sample points, and of rounds in which their distribution is fitted. Chosen by hand; not fitted."""
-NEAR_ROW_SHARE, FAR_ROW_SHARE = 0.6, 0.15
+NEAR_ROW_BELOW_HORIZON_SHARE, FAR_ROW_BELOW_HORIZON_SHARE = 0.6, 0.15
 """The near and the far row in which lanes are varied, as shares of the way from the horizon to the bottom. Chosen by
 hand; not fitted."""
 FIRST_ROUND_SIGMA_SHARES = np.array([0.012, 0.012, 0.008, 0.008, 0.008])
@@ -75,7 +75,10 @@ def weighted_mean_lane(
     """
     width_px, height_px = size
     depth = height_px - lane[HORIZON]
-    rows_px = float(lane[HORIZON] + NEAR_ROW_SHARE * depth), float(lane[HORIZON] + FAR_ROW_SHARE * depth)
+    rows_px = (
+        float(lane[HORIZON] + NEAR_ROW_BELOW_HORIZON_SHARE * depth),
+        float(lane[HORIZON] + FAR_ROW_BELOW_HORIZON_SHARE * depth),
+    )
     spiral = float(lane[SPIRAL])
     sigmas = FIRST_ROUND_SIGMA_SHARES * np.array([width_px] * 4 + [height_px])
     mean, covariance = _columns_bend_and_horizon_from_lane(lane, *rows_px), np.diag(sigmas**2)

@@ -33,7 +33,7 @@ from cwcli.vision.ground import (
     MAX_SAMPLE_DISTANCE_M,
     MAX_SAMPLE_HEIGHT_SHARE,
     MIN_DEPTH_BELOW_HORIZON_SHARE,
-    MIN_SAMPLED_HEIGHT_PX,
+    MIN_TOP_HEIGHT_OF_BOUNDARY_SAMPLES_PX,
 )
 
 ImageLane = FloatArray
@@ -75,16 +75,16 @@ not fitted."""
 LANE_WIDTH_FACTOR_OF_UNKNOWN_HEIGHT = 0.88
 """Factor (1) on lane widths in camera heights where the mounting is not known: 1.3 m, the height in which they are
 counted, over 1.48 m, the mean height of cameras behind windscreens (1.2 to 1.7 m)."""
-UNKNOWN_HEIGHT_SIGMA_SHARE = 0.1
+CAMERA_HEIGHT_SIGMA_OF_UNKNOWN_MOUNTING_SHARE = 0.1
 """Sigma of the camera's height over its mean where the mounting is not known. Chosen by hand; not fitted."""
-UNKNOWN_YAW_SIGMA_RAD = 0.035
+CAMERA_YAW_SIGMA_OF_UNKNOWN_MOUNTING_RAD = 0.035
 """Sigma of the camera's yaw where the mounting is not known, in radians. Chosen by hand; not fitted."""
 UNKNOWN_HORIZON_MEAN_SIGMA_LOW_HIGH_SHARES = (0.45, 0.12, 0.25, 0.66)
 """Mean, sigma, lowest and highest row of the horizon over the image's height, where the mounting is not known. Chosen
 by hand; not fitted."""
-SAME_PIXELS_WIDTH_SHARE = 0.006
+MAX_DISTANCE_OF_BOUNDARIES_ON_SAME_PIXELS_SHARE = 0.006
 """Distance up to which boundaries lie on the same pixels, over the image's width. Chosen by hand; not fitted."""
-COMPARED_ROWS_OF_SAME_PIXELS = (0.15, 0.6)
+COMPARED_ROWS_OF_WAY_FROM_HORIZON_TO_BOTTOM_SHARES = (0.15, 0.6)
 """Rows in which lanes are compared, as shares of the way from the horizon to the bottom. There are two because lanes
 that bend to different sides may have the same place and width."""
 
@@ -131,7 +131,9 @@ def first_frame_prior(camera: Camera) -> LanePrior:
     is_mounted = not camera.is_default and mounting != Mounting()
     height_m, stretch = mounting.height_m, camera.fx / camera.fy
     table = np.empty((6, 4))
-    yaw_sigma = math.hypot(FIRST_FRAME_HEADING_SIGMA_RAD, 0.005 if is_mounted else UNKNOWN_YAW_SIGMA_RAD)
+    yaw_sigma = math.hypot(
+        FIRST_FRAME_HEADING_SIGMA_RAD, 0.005 if is_mounted else CAMERA_YAW_SIGMA_OF_UNKNOWN_MOUNTING_RAD
+    )
     u0 = camera.cx + camera.fx * math.tan(mounting.yaw_rad)
     table[VANISHING] = u0, camera.fx * yaw_sigma, u0 - 4.0 * camera.fx * yaw_sigma, u0 + 4.0 * camera.fx * yaw_sigma
     middle = stretch * mounting.lateral_offset_m / height_m
@@ -145,7 +147,7 @@ def first_frame_prior(camera: Camera) -> LanePrior:
     )
     width_m, width_sigma_m = LANE_WIDTH_MEAN_AND_SIGMA_M
     if not is_mounted:
-        width_sigma_m = math.hypot(width_sigma_m, UNKNOWN_HEIGHT_SIGMA_SHARE * width_m)
+        width_sigma_m = math.hypot(width_sigma_m, CAMERA_HEIGHT_SIGMA_OF_UNKNOWN_MOUNTING_SHARE * width_m)
         width_m *= LANE_WIDTH_FACTOR_OF_UNKNOWN_HEIGHT
     low, high = (each * per_m for each in LANE_WIDTH_LIMITS_M)
     table[WIDTH] = width_m * per_m, width_sigma_m * per_m, low if is_mounted else 0.65 * low, high
@@ -221,7 +223,7 @@ def is_same_lane_in_image(lane: ImageLane, other: ImageLane, width_px: int, heig
     u0, middle, width, bend, horizon, spiral = lane.tolist()
     other_u0, other_middle, other_width, other_bend, other_horizon, other_spiral = other.tolist()
     depth = height_px - 0.5 * (horizon + other_horizon)
-    for share in COMPARED_ROWS_OF_SAME_PIXELS:
+    for share in COMPARED_ROWS_OF_WAY_FROM_HORIZON_TO_BOTTOM_SHARES:
         h = height_px - (1.0 - share) * depth - horizon
         other_h = h + horizon - other_horizon
         if h <= 0.0 or other_h <= 0.0:
@@ -229,7 +231,7 @@ def is_same_lane_in_image(lane: ImageLane, other: ImageLane, width_px: int, heig
         column = u0 + middle * h + (bend + spiral / h) / h
         difference_px = column - (other_u0 + other_middle * other_h + (other_bend + other_spiral / other_h) / other_h)
         wider = 0.5 * (width * h - other_width * other_h)
-        if abs(difference_px) + abs(wider) > SAME_PIXELS_WIDTH_SHARE * width_px:
+        if abs(difference_px) + abs(wider) > MAX_DISTANCE_OF_BOUNDARIES_ON_SAME_PIXELS_SHARE * width_px:
             return False
     return True
 
@@ -239,7 +241,7 @@ def max_fit_height_px(lane: ImageLane, camera: Camera) -> float:
     rows."""
     below_rad = math.atan(camera.mounting.height_m / MAX_SAMPLE_DISTANCE_M) - pitch_from_horizon_rad(lane, camera)
     y_px = camera.height_px - (camera.cy + camera.fy * math.tan(below_rad))
-    return min(max(y_px, MIN_SAMPLED_HEIGHT_PX), MAX_SAMPLE_HEIGHT_SHARE * camera.height_px)
+    return min(max(y_px, MIN_TOP_HEIGHT_OF_BOUNDARY_SAMPLES_PX), MAX_SAMPLE_HEIGHT_SHARE * camera.height_px)
 
 
 def fit_boundary_parabolas(lane: ImageLane, camera: Camera) -> LeftRightParabolas:

@@ -45,11 +45,11 @@ MAX_DIVERGENCES_OF_PARALLEL_LINES_M = np.array([0.1, 0.2])
 both."""
 AGREEMENT_SHARE_OF_DIVERGENCE_LIMITS = 0.4
 """Share of those distances below which both lines give the same lane. Chosen by hand; not fitted."""
-MIN_DISTANCE_OF_LINE_THAT_LEFT_M = 0.5
+MIN_DISTANCE_OF_DEPARTED_LINE_TO_SEARCH_PLACE_AGAIN_M = 0.5
 """Distance in metres from which a line that has left is looked for again in its place. Chosen by hand; not fitted."""
 MIN_PAINT_SHARE_TO_GIVE_LANE = 0.05
 """Least share of paint with which a line gives a lane. Chosen by hand; not fitted."""
-MIN_PAINT_SHARE_FOR_SHAPE = 0.1
+MIN_PAINT_OF_BOTH_LINES_TO_COMPARE_SHAPES_SHARE = 0.1
 """Least share of paint of both lines with which their shapes are compared: two or three dots fit any bend. Chosen on
 drives with raised dots (docs/lanes.md)."""
 DIVERGENCE_SMOOTHING_TIME_CONSTANT_S = 0.3
@@ -61,10 +61,10 @@ LANE_WIDTH_SMOOTHING_TIME_S = 3.0
 """Time constant in seconds with which the lane's width is smoothed. Chosen by hand; not fitted."""
 MIN_AGREED_TIME_OF_KNOWN_WIDTH_S = 1.0
 """Time in seconds after which the lane's width counts as known. Chosen by hand; not fitted."""
-MAX_TIME_BY_ONE_LINE_S = 10.0
+MAX_TIME_OF_LANE_GIVEN_BY_ONE_LINE_S = 10.0
 """Longest time in seconds for which a lane goes on by one line: a taper of 240 m takes as long. Later any other lane
 may be the right one."""
-MAX_WIDTH_CHANGE_M = 0.15
+MAX_CHANGE_OF_KNOWN_LANE_WIDTH_M = 0.15
 """Greatest change of the lane's width in metres once it is known. Chosen by hand; not fitted."""
 
 
@@ -115,7 +115,7 @@ class LinePairState:
 
     def may_be_replaced_by(self, lane: ImageLane, prior: LanePrior) -> bool:
         """Whether another lane may take this one's place: both lines agree, and its width is the known one."""
-        is_as_wide = abs(float(lane[WIDTH]) - self.width) <= MAX_WIDTH_CHANGE_M * prior.place_units_per_m
+        is_as_wide = abs(float(lane[WIDTH]) - self.width) <= MAX_CHANGE_OF_KNOWN_LANE_WIDTH_M * prior.place_units_per_m
         return not self.is_width_known or (is_as_wide and self.by_one_line_s == 0.0)
 
     def with_updated_width(self, width: float, dt_s: float) -> LinePairState:
@@ -135,7 +135,7 @@ def prior_with_known_width(prior: LanePrior, sides: LinePairState | None) -> Lan
     """The prior with limits around the lane's width, once the width is known."""
     if sides is None or not sides.is_width_known:
         return prior
-    table, reach = prior.table.copy(), MAX_WIDTH_CHANGE_M * prior.place_units_per_m
+    table, reach = prior.table.copy(), MAX_CHANGE_OF_KNOWN_LANE_WIDTH_M * prior.place_units_per_m
     table[WIDTH, LOW] = max(table[WIDTH, LOW], sides.width - reach)
     table[WIDTH, HIGH] = min(table[WIDTH, HIGH], sides.width + reach)
     return prior.with_table(table)
@@ -223,7 +223,7 @@ def update_lane_and_line_state(
         before = sides.lanes_by_line[side]
         table = narrow_prior_table(prior, before, dt_s, step.sideways_mps)
         lanes[side], shares[side] = lane_by_one_line_and_paint_share(evidence, before, table, size, side, sides.width)
-    if min(shares) >= MIN_PAINT_SHARE_FOR_SHAPE:
+    if min(shares) >= MIN_PAINT_OF_BOTH_LINES_TO_COMPARE_SHAPES_SHARE:
         sides = _update_line_comparison(
             sides,
             lanes,
@@ -240,7 +240,7 @@ def update_lane_and_line_state(
         kept_side = int(np.argmax(shares))
     if kept_side != NO_LINE:
         lane_by_both_lines = np.clip(lanes[kept_side], prior.table[:, LOW], prior.table[:, HIGH])
-    is_away = abs(float(sides.divergence_m[0])) > MIN_DISTANCE_OF_LINE_THAT_LEFT_M
+    is_away = abs(float(sides.divergence_m[0])) > MIN_DISTANCE_OF_DEPARTED_LINE_TO_SEARCH_PLACE_AGAIN_M
     for side in (LEFT, RIGHT):
         if shares[side] < MIN_PAINT_SHARE_TO_GIVE_LANE or (side == sides.leaving_side and is_away):
             lanes[side] = lane_by_both_lines  # and looked for again where it should be
@@ -256,7 +256,7 @@ def update_lane_and_line_state(
         sides = replace(sides, by_one_line_s=sides.by_one_line_s + dt_s, carried_side=1 - kept_side)
     elif min(shares) >= MIN_PAINT_SHARE_TO_GIVE_LANE:
         sides = replace(sides, by_one_line_s=0.0, carried_side=NO_LINE)
-    if sides.by_one_line_s > MAX_TIME_BY_ONE_LINE_S:
+    if sides.by_one_line_s > MAX_TIME_OF_LANE_GIVEN_BY_ONE_LINE_S:
         return lane_by_both_lines, replace(initial_line_pair_state(lane_by_both_lines), carried_side=sides.carried_side)
     return lane_by_both_lines, replace(sides, lanes_by_line=lanes)
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary import NOT_FOUND, Boundary, replace_parabola_of_boundary
+from cwcli.vision.boundary import BOUNDARY_NOT_FOUND, Boundary, replace_parabola_of_boundary
 from cwcli.vision.boundary_probability import (
     boundary_probabilities,
     first_frame_boundary_probabilities,
@@ -36,8 +36,8 @@ from cwcli.vision.lane_detect import (
 )
 from cwcli.vision.lane_following import (
     MARGIN_OF_BOUNDARY_MOVEMENT_M,
-    MAX_LATERAL_SPEED_MPS,
-    MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS,
+    MAX_BOUNDARY_LATERAL_SPEED_UNKNOWN_CAR_MOTION_MPS,
+    MAX_BOUNDARY_SPEED_FROM_PREDICTION_KNOWN_MOTION_MPS,
     MIN_SPEED_WITHOUT_NEW_BENDS_MPS,
     boundary_difference_beside_camera_m,
     driven_rightward_curvature_or_nan_1pm,
@@ -206,7 +206,7 @@ class LaneTracker:
         """
         last = self._last_fit
         if last is None or self._camera is None or self._prior is None or not (last.left.found or last.right.found):
-            return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
+            return LaneFit(BOUNDARY_NOT_FOUND, BOUNDARY_NOT_FOUND, state=LaneState.LOST)
         dt_s = min(max((stamp_ns - self._last_ns) / 1e9, 0.0), 0.5)
         camera = self._camera
         lane = predict_lane_at_next_frame(
@@ -262,7 +262,11 @@ class LaneTracker:
         self._evidence = evidence
         prior = prior_of_followed_lane(self._prior, camera, frame.speed_mps)
         is_motion_known = self._prior.is_mounting_known and math.isfinite(frame.speed_mps)
-        sideways_mps = MAX_LATERAL_SPEED_MPS if is_motion_known else MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS
+        sideways_mps = (
+            MAX_BOUNDARY_SPEED_FROM_PREDICTION_KNOWN_MOTION_MPS
+            if is_motion_known
+            else MAX_BOUNDARY_LATERAL_SPEED_UNKNOWN_CAR_MOTION_MPS
+        )
         memory = math.exp(-dt_s / OBJECTIVE_SMOOTHING_TIME_S)
         hypotheses: list[LaneHypothesis] = []
         tight = (
@@ -434,7 +438,7 @@ class LaneTracker:
         if len(self._hypotheses) > 1:
             is_seen = max(chances) >= MIN_FOUND_PROBABILITY
             patience_s = MIN_BETTER_BEFORE_SWITCH_S if is_seen else 0.0
-            reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
+            reach_m = MAX_BOUNDARY_LATERAL_SPEED_UNKNOWN_CAR_MOTION_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
             rivals = self._hypotheses[1:]
             if is_seen and first.line_pair is not None:  # what a line that leaves makes of the lane is none
                 rivals = [each for each in rivals if first.line_pair.may_be_replaced_by(each.lane, self._prior)]
@@ -457,7 +461,7 @@ class LaneTracker:
                 self._odds = self._covariance = None
                 if (
                     boundary_difference_beside_camera_m(best.lane, other, self._prior)
-                    > MAX_LATERAL_SPEED_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
+                    > MAX_BOUNDARY_SPEED_FROM_PREDICTION_KNOWN_MOTION_MPS * dt_s + MARGIN_OF_BOUNDARY_MOVEMENT_M
                 ):
                     self._steady_s = 0.0
                 if not self._prior.is_mounting_known:
@@ -479,7 +483,7 @@ class LaneTracker:
         if not self._hypotheses:
             self._pause -= 1
             self._covariance = None
-            return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
+            return LaneFit(BOUNDARY_NOT_FOUND, BOUNDARY_NOT_FOUND, state=LaneState.LOST)
         best, now, change = self._choose_published_hypothesis(camera, dt_s)
         if self._first_frame_probabilities is not None:
             now, self._first_frame_probabilities = self._first_frame_probabilities, None
@@ -517,7 +521,7 @@ class LaneTracker:
                 self._pause = min(
                     2 ** min(self._n_lost - MIN_FRAMES_WITHOUT_LANE_TO_GIVE_UP, 8), MAX_SEARCH_PAUSE_FRAMES
                 )
-                return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
+                return LaneFit(BOUNDARY_NOT_FOUND, BOUNDARY_NOT_FOUND, state=LaneState.LOST)
         sides = []
         for side in range(2):
             a, b, c = parabolas[side]

@@ -36,7 +36,7 @@ MIN_VOTE_SHARE_OF_WINNER = 0.6
 MIN_VOTE_SHARE_OF_DOUBLE_LINE = 0.4
 """Share of the votes from which a line counts as double. Chosen by hand; not fitted."""
 Name = TypeVar("Name", LineKind, LineColour)
-MIN_COLOUR_ROWS_BELOW_HORIZON_PX = 22.0
+MIN_DEPTH_BELOW_HORIZON_TO_READ_COLOUR_PX = 22.0
 """Least number of rows below the horizon at which colours are read: there a stripe of 12 cm, 1.3 m below the camera, is
 two pixels wide."""
 ROAD_SAMPLE_DISTANCE_IN_CAMERA_HEIGHTS = 0.4
@@ -49,7 +49,7 @@ MIN_PAINTED_ROWS = 3
 MIN_PAINT_CONTRAST_GREY = 8.0
 """Least brightness of paint above the road, in grey levels, in the mean of red and green. Chosen by hand; not
 fitted."""
-MAX_YELLOW_BLUE_RATIO, MIN_WHITE_BLUE_RATIO = 0.6, 0.75
+MAX_BLUE_TO_RED_AND_GREEN_RATIO_OF_YELLOW_PAINT, MIN_BLUE_TO_RED_AND_GREEN_RATIO_OF_WHITE_PAINT = 0.6, 0.75
 """Limits of the ratio of paint's extra brightness in blue to that in red and green, each over the road's: yellow below,
 white above, unknown between. The ratio is 1 for white however much road a pixel shows beside the paint, about 0 for
 yellow. Chosen by hand; not fitted."""
@@ -172,7 +172,7 @@ def classify_line_colours(picture: Image, evidence: StripeEvidence, lane: ImageL
     pinhole = evidence.pinhole
     first = int(
         np.searchsorted(
-            evidence.rows, float(lane[HORIZON]) + MIN_COLOUR_ROWS_BELOW_HORIZON_PX / pinhole.focal_length_ratio
+            evidence.rows, float(lane[HORIZON]) + MIN_DEPTH_BELOW_HORIZON_TO_READ_COLOUR_PX / pinhole.focal_length_ratio
         )
     )
     rows, sharp = evidence.rows[first:], evidence.sharp[first:]
@@ -202,9 +202,9 @@ def _classify_paint_colour(paint: FloatArray, road: FloatArray) -> LineColour:
     if others - road_others < MIN_PAINT_CONTRAST_GREY:
         return LineColour.UNKNOWN
     ratio = (blue - road_blue) / (others - road_others) / (road_blue / road_others)
-    if ratio < MAX_YELLOW_BLUE_RATIO:
+    if ratio < MAX_BLUE_TO_RED_AND_GREEN_RATIO_OF_YELLOW_PAINT:
         return LineColour.YELLOW
-    return LineColour.WHITE if ratio > MIN_WHITE_BLUE_RATIO else LineColour.UNKNOWN
+    return LineColour.WHITE if ratio > MIN_BLUE_TO_RED_AND_GREEN_RATIO_OF_WHITE_PAINT else LineColour.UNKNOWN
 
 
 def _blue_and_red_green_mean(pixels: FloatArray) -> tuple[float, float]:

@@ -21,23 +21,23 @@ from cwcli.vision.boundary import LineKind
 from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.lane_model import HORIZON, ImageLane
 
-PAINTED_EVIDENCE_SHARE, MIN_PAINTED_EVIDENCE, REFERENCE_ROW_RANK = 0.5, 0.2, 3
+MIN_PAINTED_EVIDENCE_OF_REFERENCE_ROW_SHARE, MIN_PAINTED_EVIDENCE, EVIDENCE_RANK_OF_REFERENCE_ROW = 0.5, 0.2, 3
 """A row counts as painted if it has this share of the evidence of the line's third best row, and at least 0.2. Chosen
 by hand; not fitted."""
-MAX_ROW_LENGTH_WIDTHS, MAX_DOT_ROW_LENGTH_WIDTHS = 0.35, 0.1
+MAX_ROAD_LENGTH_PER_ROW_IN_LANE_WIDTHS, MAX_ROAD_LENGTH_PER_ROW_FOR_DOTS_IN_LANE_WIDTHS = 0.35, 0.1
 """Greatest length of road that a row covers, in lane widths: for all kinds, and for raised dots. Chosen by hand; not
 fitted."""
-MIN_SOLID_LENGTH_WIDTHS = 2.5
+MIN_PAINTED_LENGTH_OF_SOLID_LINE_IN_LANE_WIDTHS = 2.5
 """Painted length from which a line is solid, in lane widths: 9 m. The longest dashes of motorways have 6 m."""
-MIN_SEEN_LENGTH_WIDTHS = 1.2
+MIN_SEEN_LENGTH_TO_JUDGE_LINE_KIND_IN_LANE_WIDTHS = 1.2
 """Least length of a line that must be seen to judge its kind, in lane widths. Chosen by hand; not fitted."""
-MAX_WORN_LENGTH_WIDTHS = 0.3
+MAX_WORN_PAINT_LENGTH_IN_LANE_WIDTHS = 0.3
 """Greatest length of worn paint, in lane widths; a longer bare stretch is a gap. Chosen by hand; not fitted."""
-MIN_GAP_LENGTH_WIDTHS = 0.45
+MIN_GAP_LENGTH_BETWEEN_DASHES_IN_LANE_WIDTHS = 0.45
 """Least length of a gap between dashes, in lane widths: 1.6 m. Chosen by hand; not fitted."""
-MIN_DASH_LENGTH_WIDTHS = 0.2
+MIN_DASH_LENGTH_IN_LANE_WIDTHS = 0.2
 """Least length of a dash, in lane widths: 0.7 m. Chosen by hand; not fitted."""
-MAX_DOT_LENGTH_WIDTHS = 0.09
+MAX_RAISED_DOT_LENGTH_IN_LANE_WIDTHS = 0.09
 """Greatest length of a raised dot, in lane widths: 0.3 m. Chosen by hand; not fitted."""
 MIN_PAINTED_SHARE_OF_SHORT_SOLID_LINE = 0.9
 """Share of a short line that must be painted without a gap for the line to be solid. Chosen by hand; not fitted."""
@@ -47,10 +47,10 @@ SECOND_STRIPE_OFFSETS_IN_CAMERA_HEIGHTS = np.concatenate(
     [-SECOND_STRIPE_DISTANCES_IN_CAMERA_HEIGHTS[::-1], [0.0], SECOND_STRIPE_DISTANCES_IN_CAMERA_HEIGHTS]
 )
 """The same distances to both sides of a line, with 0 for the line itself."""
-MIN_DOUBLE_DEPTH_PX, MIN_DOUBLE_ROWS = 12.0, 5
+MIN_DEPTH_BELOW_HORIZON_TO_TELL_TWO_STRIPES_PX, MIN_ROWS_TO_TELL_TWO_STRIPES_APART = 12.0, 5
 """Least number of rows below the horizon, and least number of rows, with which two stripes can be told apart. Chosen by
 hand; not fitted."""
-MIN_SECOND_STRIPE_SHARE, MIN_SECOND_STRIPE_EVIDENCE = 0.15, 0.1
+MIN_WEAKER_TO_STRONGER_STRIPE_EVIDENCE_RATIO, MIN_SECOND_STRIPE_EVIDENCE = 0.15, 0.1
 """Least evidence of the weaker stripe: as a share of the stronger one's mean, and as a value. A dashed stripe beside a
 solid one has little more. Chosen by hand; not fitted."""
 MAX_EVIDENCE_BETWEEN_STRIPES_SHARE = 0.5
@@ -92,7 +92,7 @@ def classify_lines_in_frame(evidence: StripeEvidence, lane: ImageLane) -> tuple[
     h: FloatArray = rows - horizon
     ahead = evidence.pinhole.focal_px / (np.maximum(h, 1.0) * width)
     lengths = ahead[1:] - ahead[:-1]
-    n = int(lengths.searchsorted(MAX_ROW_LENGTH_WIDTHS))
+    n = int(lengths.searchsorted(MAX_ROAD_LENGTH_PER_ROW_IN_LANE_WIDTHS))
     sides = [middle - 0.5 * width, middle + 0.5 * width]
     along = lane_ridge.along(evidence.wide, evidence.rows, lane, np.array(sides), evidence.scoring_settings())[:, ::-1][
         :, :n
@@ -100,9 +100,10 @@ def classify_lines_in_frame(evidence: StripeEvidence, lane: ImageLane) -> tuple[
     lines = []
     for values, place in zip(along, sides, strict=True):
         kind = LineKind.UNKNOWN
-        if n >= REFERENCE_ROW_RANK:
+        if n >= EVIDENCE_RANK_OF_REFERENCE_ROW:
             least = max(
-                PAINTED_EVIDENCE_SHARE * float(np.partition(values, -REFERENCE_ROW_RANK)[-REFERENCE_ROW_RANK]),
+                MIN_PAINTED_EVIDENCE_OF_REFERENCE_ROW_SHARE
+                * float(np.partition(values, -EVIDENCE_RANK_OF_REFERENCE_ROW)[-EVIDENCE_RANK_OF_REFERENCE_ROW]),
                 MIN_PAINTED_EVIDENCE,
             )
             is_seen = values >= 0.0
@@ -118,21 +119,29 @@ def classify_line_kind(is_row_painted: Sequence[bool], row_lengths_lane_widths: 
         row_lengths_lane_widths: Length of each row on the ground, in lane widths; they grow.
     """
     total = sum(row_lengths_lane_widths)
-    if total < MIN_SEEN_LENGTH_WIDTHS:
+    if total < MIN_SEEN_LENGTH_TO_JUDGE_LINE_KIND_IN_LANE_WIDTHS:
         return LineKind.UNKNOWN
     line = split_into_stretches(is_row_painted, row_lengths_lane_widths)
     whole = fill_worn_holes(line)
     longest = max((each.length for each in whole if each.is_painted), default=0.0)
-    if longest >= MIN_SOLID_LENGTH_WIDTHS:
+    if longest >= MIN_PAINTED_LENGTH_OF_SOLID_LINE_IN_LANE_WIDTHS:
         return LineKind.SOLID
-    n_fine = bisect_right(row_lengths_lane_widths, MAX_DOT_ROW_LENGTH_WIDTHS)
+    n_fine = bisect_right(row_lengths_lane_widths, MAX_ROAD_LENGTH_PER_ROW_FOR_DOTS_IN_LANE_WIDTHS)
     n_dots = _count_raised_dots(split_into_stretches(is_row_painted[:n_fine], row_lengths_lane_widths[:n_fine]))
-    has_dash = any(each.is_painted and each.min_length_in_lane_widths >= MIN_DASH_LENGTH_WIDTHS for each in whole)
+    has_dash = any(
+        each.is_painted and each.min_length_in_lane_widths >= MIN_DASH_LENGTH_IN_LANE_WIDTHS for each in whole
+    )
     if n_dots >= (2 if has_dash else 1):  # far away, four dots at arm's length look like a dash
         return LineKind.DOTS
-    if has_dash and any(not each.is_painted and each.length >= MIN_GAP_LENGTH_WIDTHS for each in whole[:-1]):
+    if has_dash and any(
+        not each.is_painted and each.length >= MIN_GAP_LENGTH_BETWEEN_DASHES_IN_LANE_WIDTHS for each in whole[:-1]
+    ):
         return LineKind.DASHED
-    if has_dash and total < MIN_SOLID_LENGTH_WIDTHS and longest >= MIN_PAINTED_SHARE_OF_SHORT_SOLID_LINE * total:
+    if (
+        has_dash
+        and total < MIN_PAINTED_LENGTH_OF_SOLID_LINE_IN_LANE_WIDTHS
+        and longest >= MIN_PAINTED_SHARE_OF_SHORT_SOLID_LINE * total
+    ):
         return LineKind.SOLID
     return LineKind.UNKNOWN
 
@@ -152,7 +161,7 @@ def fill_worn_holes(line: Sequence[LineStretch]) -> list[LineStretch]:
     """The stretches, with short bare ones between painted ones taken as painted."""
     filled: list[LineStretch] = []
     for k, each in enumerate(line):
-        is_hole = not each.is_painted and each.length <= MAX_WORN_LENGTH_WIDTHS and 0 < k < len(line) - 1
+        is_hole = not each.is_painted and each.length <= MAX_WORN_PAINT_LENGTH_IN_LANE_WIDTHS and 0 < k < len(line) - 1
         if is_hole or (filled and filled[-1].is_painted and each.is_painted):
             before = filled.pop()
             filled.append(LineStretch(True, before.length + each.length, before.n_rows + each.n_rows))
@@ -163,10 +172,10 @@ def fill_worn_holes(line: Sequence[LineStretch]) -> list[LineStretch]:
 
 def _count_raised_dots(line: Sequence[LineStretch]) -> int:
     """Number of blobs with bare road on both sides that a line shows; 0 if it shows anything else."""
-    if any(each.is_painted and each.min_length_in_lane_widths > MAX_DOT_LENGTH_WIDTHS for each in line):
+    if any(each.is_painted and each.min_length_in_lane_widths > MAX_RAISED_DOT_LENGTH_IN_LANE_WIDTHS for each in line):
         return 0
     return sum(
-        each.is_painted and min(before.length, after.length) > MAX_DOT_LENGTH_WIDTHS
+        each.is_painted and min(before.length, after.length) > MAX_RAISED_DOT_LENGTH_IN_LANE_WIDTHS
         for before, each, after in zip(line, line[1:], line[2:], strict=False)
     )
 
@@ -175,14 +184,16 @@ def _has_second_stripe(evidence: StripeEvidence, lane: ImageLane, offset: float)
     """Whether a second stripe runs beside a line at a place over the camera's height; None where that can't be seen."""
     stretch = evidence.pinhole.focal_length_ratio
     first = int(
-        evidence.rows.searchsorted(float(lane[HORIZON]) + max(MIN_DOUBLE_DEPTH_PX / stretch, evidence.min_depth_px))
+        evidence.rows.searchsorted(
+            float(lane[HORIZON]) + max(MIN_DEPTH_BELOW_HORIZON_TO_TELL_TWO_STRIPES_PX / stretch, evidence.min_depth_px)
+        )
     )
     rows, sharp = evidence.rows[first:], evidence.sharp[first:]
     values = lane_ridge.along(
         sharp, rows, lane, offset + stretch * SECOND_STRIPE_OFFSETS_IN_CAMERA_HEIGHTS, evidence.scoring_settings()
     )
     is_seen = (values[0] >= 0.0) & (values[-1] >= 0.0)
-    if np.count_nonzero(is_seen) < MIN_DOUBLE_ROWS:
+    if np.count_nonzero(is_seen) < MIN_ROWS_TO_TELL_TWO_STRIPES_APART:
         return None
     mean: list[float] = (values @ is_seen / np.count_nonzero(is_seen)).tolist()
     middle = len(SECOND_STRIPE_DISTANCES_IN_CAMERA_HEIGHTS)
@@ -191,7 +202,7 @@ def _has_second_stripe(evidence: StripeEvidence, lane: ImageLane, offset: float)
         less, more = sorted((own, second))
         valley = min(neighbours[: neighbours.index(second)], default=less)
         if (
-            less > max(MIN_SECOND_STRIPE_SHARE * more, MIN_SECOND_STRIPE_EVIDENCE)
+            less > max(MIN_WEAKER_TO_STRONGER_STRIPE_EVIDENCE_RATIO * more, MIN_SECOND_STRIPE_EVIDENCE)
             and valley < MAX_EVIDENCE_BETWEEN_STRIPES_SHARE * less
         ):
             return True

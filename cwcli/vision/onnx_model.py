@@ -35,7 +35,7 @@ import numpy.typing as npt
 
 from cwcli.bounded_process import Limits, cpu_limit_for_file_size_s, run_bounded
 from cwcli.errors import InputError, UsageError
-from cwcli.input import MAX_BINARY_BYTES, read_file
+from cwcli.input import MAX_NET_OR_TABLE_FILE_BYTES, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.toml_text import parse_toml
@@ -53,14 +53,14 @@ ACTIVATION_NAMES = ("softmax", "sigmoid", "none")
 it gives them already."""
 ROW_ANCHOR_AXES = ("cell", "row", "lane")
 """The axes of a row-anchor output."""
-MODEL_CHECK_FUNCTION = "cwcli.vision.onnx_model:load_and_run_net_on_black_image"
+PATH_OF_FUNCTION_THAT_CHECKS_NET_IN_BOUNDED_PROCESS = "cwcli.vision.onnx_model:load_and_run_net_on_black_image"
 """The function that the bounded process runs before the net is used."""
-MEMORY_BYTES, MEMORY_BYTES_PER_BYTE = 700_000_000, 8
+MEMORY_LIMIT_OF_NET_CHECK_PROCESS_BYTES, MEMORY_LIMIT_OF_NET_CHECK_BYTES_PER_NET_BYTE = 700_000_000, 8
 """Memory of that process, and more for each byte of the net. Chosen by hand: OpenCV reserves 240 MB that it does not
 use, and a net is held as numbers, once more while it is optimised."""
 MAX_INPUT_SIDE_PX = 4096
 """Greatest width and height of a net's input in pixels. Chosen by hand; not fitted."""
-MARKING_SIGMA_PX = 2.0
+SIGMA_OF_STRIPE_DRAWN_FOR_ROW_ANCHOR_COLUMN_PX = 2.0
 """Sigma in pixels of the input of the stripe that replaces a row anchor's column. Chosen by hand; not fitted."""
 DESCRIPTION_KEYS_OF_BOTH_MODEL_KINDS = {"kind", "size", "colour", "mean", "std", "top", "output"}
 """Keys that the descriptions of both kinds may have."""
@@ -141,11 +141,12 @@ class LaneNet:
         limits = Limits(
             cpu_limit_for_file_size_s(len(data)),
             0,
-            data_bytes=MEMORY_BYTES + MEMORY_BYTES_PER_BYTE * len(data),
+            data_bytes=MEMORY_LIMIT_OF_NET_CHECK_PROCESS_BYTES
+            + MEMORY_LIMIT_OF_NET_CHECK_BYTES_PER_NET_BYTE * len(data),
             has_threads=True,
         )
         run_bounded(
-            MODEL_CHECK_FUNCTION,
+            PATH_OF_FUNCTION_THAT_CHECKS_NET_IN_BOUNDED_PROCESS,
             {"path": str(path), "shape": described_shape, "output": self.description.output},
             limits,
             str(path),
@@ -247,7 +248,7 @@ def _row_anchors_to_marking_map(output: Float32Array, shape: NetDescription) -> 
     for lane in range(shape.n_lanes):
         column = np.interp(v, anchors[order], u[order, lane])
         height = np.where(is_between, np.interp(v, anchors[order], is_there[order, lane]), 0.0)
-        distance = (np.arange(shape.width_px) - column[:, None]) / MARKING_SIGMA_PX
+        distance = (np.arange(shape.width_px) - column[:, None]) / SIGMA_OF_STRIPE_DRAWN_FOR_ROW_ANCHOR_COLUMN_PX
         image = np.maximum(image, height[:, None] * np.exp(-0.5 * distance**2))
     return image.astype(np.float32)
 
@@ -345,7 +346,7 @@ def _read_net_file(path: Path) -> bytes:
         InputError: The file can't be read.
     """
     try:
-        return read_file(path, limit=MAX_BINARY_BYTES)
+        return read_file(path, limit=MAX_NET_OR_TABLE_FILE_BYTES)
     except (OSError, ValueError) as error:
         raise InputError(f"can't be read: {getattr(error, 'strerror', None) or error}", where=str(path)) from None
 

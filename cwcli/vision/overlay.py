@@ -28,7 +28,7 @@ OVERLAY_JPEG_QUALITY_PERCENT = 85
 """Quality of written JPEG images, 0 to 100. Chosen by hand."""
 LABEL_POINT_INDEX = 4
 """Index, from the bottom, of the point of a line beside which its label stands. Chosen by hand."""
-LABEL_WIDTH_LETTERS = 7.5
+LABEL_WIDTH_IN_LETTER_HEIGHTS = 7.5
 """Width that is left for the longest label, in heights of a letter. Chosen by hand."""
 FONT_LETTER_HEIGHT_PX = 22.0
 """Height of a letter of OpenCV's font at scale 1, in pixels."""
@@ -90,7 +90,7 @@ def label_position_px(line_uv_px: FloatArray, image_width_px: float) -> tuple[fl
     u, v = line_uv_px[min(LABEL_POINT_INDEX, len(line_uv_px) - 1)].tolist()
     size_px = label_letter_height_px(image_width_px)
     is_left = u < 0.5 * image_width_px
-    return (u + size_px if is_left else u - LABEL_WIDTH_LETTERS * size_px), v
+    return (u + size_px if is_left else u - LABEL_WIDTH_IN_LETTER_HEIGHTS * size_px), v
 
 
 def draw_boundaries(image: Image, lines: Sequence[FloatArray], names: Sequence[str] = ("", "")) -> Image:

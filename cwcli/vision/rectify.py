@@ -22,10 +22,10 @@ from cwcli.vision.encoded import Image
 
 COORDINATE_OF_UNSEEN_POINT_PX = -1000.0
 """Coordinate for points that the camera can't see, in pixels: far enough outside any image."""
-MAX_BELOW_IMAGE_SHARE = 0.5
+MAX_LINE_EXTENSION_BELOW_IMAGE_OF_HEIGHT_SHARE = 0.5
 """Greatest distance below the image's bottom to which lines are followed into the camera's corners, over the image's
 height. Chosen by hand; not fitted."""
-N_EDGE_POINTS = 33
+N_POINTS_CHECKED_ON_LOWER_IMAGE_EDGE = 33
 """Number of points on the image's lower edge that are looked at. Chosen by hand; not fitted."""
 MAX_CACHED_MAPS = 8
 """Greatest number of rectification maps in memory: a camera has one size of images, a malicious log may have thousands.
@@ -77,15 +77,21 @@ def _camera_from_rectified_rotation(camera: Camera) -> Rotation3x3:
 
 def lowest_visible_row_px(camera: Camera) -> float:
     """The lowest row of the rectified image, also below its bottom, that the camera's lower edge shows."""
-    u_px = np.linspace(0.0, camera.width_px - 1.0, N_EDGE_POINTS)
+    u_px = np.linspace(0.0, camera.width_px - 1.0, N_POINTS_CHECKED_ON_LOWER_IMAGE_EDGE)
     rays = camera.viewing_rays_from_image(
-        u_px, np.full(N_EDGE_POINTS, camera.height_px - 1.0)
+        u_px, np.full(N_POINTS_CHECKED_ON_LOWER_IMAGE_EDGE, camera.height_px - 1.0)
     ) @ _camera_from_rectified_rotation(camera)
     with np.errstate(divide="ignore", invalid="ignore"):
         v_px = camera.cy + camera.fy * rays[:, 1] / rays[:, 2]
     visible_rows_px = v_px[np.isfinite(v_px) & (rays[:, 2] > 0.0)]
     last = camera.height_px - 1.0
-    return float(np.clip(visible_rows_px.max(initial=last), last, last + MAX_BELOW_IMAGE_SHARE * camera.height_px))
+    return float(
+        np.clip(
+            visible_rows_px.max(initial=last),
+            last,
+            last + MAX_LINE_EXTENSION_BELOW_IMAGE_OF_HEIGHT_SHARE * camera.height_px,
+        )
+    )
 
 
 def in_image_mask(points_px: FloatArray, camera: Camera) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

@@ -37,22 +37,22 @@ hand; not fitted."""
 ANGLE_LEAVING_QUARTER_OF_VOTES_RAD = 0.02
 """Angle between a segment and a point at which a quarter of the votes is left, in radians. Chosen by hand; not
 fitted."""
-MAX_DETECTION_WIDTH_PX = 400
+MAX_IMAGE_WIDTH_FOR_SEGMENT_DETECTION_PX = 400
 """Greatest width in pixels at which segments are detected; wider images are halved, which keeps directions and takes a
 quarter of the time."""
 DARK_QUANTILE, BRIGHT_QUANTILE = 0.01, 0.99
 """Quantiles of the grey levels between which a picture's contrast is measured. Chosen by hand; not fitted."""
-DAYLIGHT_CONTRAST_GREY = 150
+CONTRAST_TO_WHICH_DULL_PICTURES_ARE_STRETCHED_GREY = 150
 """Contrast in grey levels to which pictures with less are stretched: that of daylight. Stretching to all levels finds
 segments in the road's grain."""
 MIN_ASSUMED_CONTRAST_GREY = 16
 """Least contrast in grey levels that the stretching assumes: pictures with less hold nothing but noise. Chosen by hand;
 not fitted."""
-MIN_REACH_BELOW_POINT_SHARE = 0.03
+MIN_SEGMENT_REACH_BELOW_VANISHING_POINT_SHARE = 0.03
 """Least distance below a point to which a segment that votes must reach, over the image's height. Chosen by hand; not
 fitted."""
 
-CLEAR_VOTE_SHARE = 0.33
+MIN_CLEAR_VANISHING_POINT_VOTE_SHARE = 0.33
 """Share of the votes for a frame's vanishing point below which the point and any lane found from it are in doubt. A
 road has 0.35 to 0.6, stripes of shadow 0.1 to 0.3, a picture upside down 0.04 to 0.12. Chosen on 20 of 40 labelled
 frames in 15 kinds of weather and damage (tests/studies/lane_variants.py)."""
@@ -62,7 +62,7 @@ rendered ones."""
 N_DIRECTION_SECTORS = 5
 """Number of sectors of segments' directions between which votes for the other points should be spread. Chosen on the
 same frames."""
-DISTINCT_POINT_STEPS_V, DISTINCT_POINT_STEPS_U = 5, 6
+MAX_GRID_ROW_STEPS_TO_SAME_VANISHING_POINT, MAX_GRID_COLUMN_STEPS_TO_SAME_VANISHING_POINT = 5, 6
 """Steps of the grid in rows and columns up to which a point is the same as a better one. Chosen by hand; not fitted."""
 
 
@@ -85,8 +85,8 @@ def find_vanishing_points(
 ) -> list[VanishingPoint]:
     """Find the point with the most votes of the frame's segments; none without segments.
 
-    If its share is below `CLEAR_VOTE_SHARE`, up to `n_other_points` others follow: those to which edges of many
-    directions lead.
+    If its share is below `MIN_CLEAR_VANISHING_POINT_VOTE_SHARE`, up to `n_other_points` others follow: those to which
+    edges of many directions lead.
 
     Args:
         grey: Shape (height, width), uint8.
@@ -107,7 +107,7 @@ def find_vanishing_points(
     )
     votes, total = _vanishing_point_votes_on_grid(segments, u, v, width, height)
     points = [_point_at_best_cell(votes, votes / total, u, v)]
-    if points[0].votes >= CLEAR_VOTE_SHARE or not n_other_points:
+    if points[0].votes >= MIN_CLEAR_VANISHING_POINT_VOTE_SHARE or not n_other_points:
         return points
     run, rise = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
     sectors = (np.arctan2(rise, run) % np.pi * (N_DIRECTION_SECTORS / np.pi)).astype(int)
@@ -120,8 +120,10 @@ def find_vanishing_points(
     for _ in range(n_other_points):
         i, j = np.unravel_index(int(best.argmax()), best.shape)
         spread[
-            max(i - DISTINCT_POINT_STEPS_V, 0) : i + DISTINCT_POINT_STEPS_V + 1,
-            max(j - DISTINCT_POINT_STEPS_U, 0) : j + DISTINCT_POINT_STEPS_U + 1,
+            max(i - MAX_GRID_ROW_STEPS_TO_SAME_VANISHING_POINT, 0) : i + MAX_GRID_ROW_STEPS_TO_SAME_VANISHING_POINT + 1,
+            max(j - MAX_GRID_COLUMN_STEPS_TO_SAME_VANISHING_POINT, 0) : j
+            + MAX_GRID_COLUMN_STEPS_TO_SAME_VANISHING_POINT
+            + 1,
         ] = 0.0
         if spread.max() <= 0.0:
             break
@@ -149,9 +151,9 @@ def _detect_segments_along_road_uv_px(grey: GreyImage) -> FloatArray:
     import cv2
 
     height, width = grey.shape
-    top = round((FIRST_AND_LAST_HORIZON_ROW_SHARES[0] + MIN_REACH_BELOW_POINT_SHARE) * height)
+    top = round((FIRST_AND_LAST_HORIZON_ROW_SHARES[0] + MIN_SEGMENT_REACH_BELOW_VANISHING_POINT_SHARE) * height)
     road = np.ascontiguousarray(grey[top:])
-    if width > MAX_DETECTION_WIDTH_PX:
+    if width > MAX_IMAGE_WIDTH_FOR_SEGMENT_DETECTION_PX:
         road = np.asarray(cv2.resize(road, (width // 2, len(road) // 2), interpolation=cv2.INTER_AREA), np.uint8)
     scale = np.array([width / road.shape[1], (height - top) / len(road)])
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(_stretch_to_daylight_contrast(road))[0]
@@ -174,9 +176,11 @@ def _stretch_to_daylight_contrast(grey: GreyImage) -> GreyImage:
 
     share = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256])) / grey.size
     low, high = np.searchsorted(share, [DARK_QUANTILE, BRIGHT_QUANTILE]).tolist()
-    if high - low >= DAYLIGHT_CONTRAST_GREY:
+    if high - low >= CONTRAST_TO_WHICH_DULL_PICTURES_ARE_STRETCHED_GREY:
         return grey
-    stretched = (np.arange(256) - low) * (DAYLIGHT_CONTRAST_GREY / max(high - low, MIN_ASSUMED_CONTRAST_GREY))
+    stretched = (np.arange(256) - low) * (
+        CONTRAST_TO_WHICH_DULL_PICTURES_ARE_STRETCHED_GREY / max(high - low, MIN_ASSUMED_CONTRAST_GREY)
+    )
     return np.asarray(cv2.LUT(grey, np.clip(np.rint(stretched), 0, 255).astype(np.uint8)))
 
 
@@ -200,6 +204,6 @@ def _vanishing_point_votes_on_grid(
     squared_distance /= across
     squared_distance *= squared_distance
     squared_distance *= np.where(
-        lowest[:, None] > grid_v_px + MIN_REACH_BELOW_POINT_SHARE * height_px, weight[:, None], 0.0
+        lowest[:, None] > grid_v_px + MIN_SEGMENT_REACH_BELOW_VANISHING_POINT_SHARE * height_px, weight[:, None], 0.0
     )[:, :, None].astype(np.float32)
     return squared_distance.sum(axis=0, dtype=np.float64), float(weight.sum())

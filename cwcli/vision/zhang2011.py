@@ -13,7 +13,7 @@ import numpy as np
 from cwcli.kernels import lane_search
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary import BOUNDARY_NOT_FOUND, Boundary
 from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.method import LaneFit, LaneFrame, Method
 from cwcli.vision.objective import (
@@ -31,15 +31,15 @@ MUTATION_PROBABILITY = 0.05
 ROULETTE_SHIFT_GREY = 50.0
 """Grey levels that are added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't.
 Chosen by hand (docs/papers/zhang2011-lanes.md)."""
-MIN_SHOWN_BLOCKS = 25
+MIN_BOUNDARY_BLOCKS_OF_CANDIDATE_INSIDE_IMAGE = 25
 """Least number of its 50 blocks that a candidate must show: the mean of a few blocks on a bright spot beats any road.
 Chosen by hand; not fitted."""
 PARAMETER_DECIMALS = (4, 2, 0)
 """Number of decimals of a, b and c (zhang2011)."""
-FIRST_LEFT_RANGES = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
+FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
 """Search ranges of a (1/pixel), b and c (pixels) of the left boundary u = a v^2 + b v + c in the first phase, in images
 of 320 x 240 pixels (zhang2011)."""
-FIRST_RIGHT_RANGES = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
+FIRST_SEARCH_RANGES_OF_RIGHT_BOUNDARY = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
 """Search ranges of a (1/pixel), b and c (pixels) of the right boundary u = a v^2 + b v + c in the first phase, in
 images of 320 x 240 pixels (zhang2011)."""
 
@@ -82,7 +82,7 @@ def genetic_settings(phase: SearchPhase) -> lane_search.Genetic:
         "mutation_rate": MUTATION_PROBABILITY,
         "wheel_shift": ROULETTE_SHIFT_GREY,
         "with_centre": phase.region_half_widths is not None,
-        "min_blocks": MIN_SHOWN_BLOCKS,
+        "min_blocks": MIN_BOUNDARY_BLOCKS_OF_CANDIDATE_INSIDE_IMAGE,
     }
 
 
@@ -141,7 +141,7 @@ def search_boundary(
         seed, stream: Seed and stream of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
     """
     if phase.region_half_widths is None:
-        region = np.array(FIRST_LEFT_RANGES if is_left else FIRST_RIGHT_RANGES)
+        region = np.array(FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY if is_left else FIRST_SEARCH_RANGES_OF_RIGHT_BOUNDARY)
         low, high = np.ascontiguousarray(region[:, 0]), np.ascontiguousarray(region[:, 1])
     else:
         centre, reach = np.array([previous.a, previous.b, previous.c]), np.array(phase.region_half_widths)
@@ -155,7 +155,7 @@ def search_boundary(
         seed_state=seed & _MASK_64,
         seed_stream=stream,
     )
-    return Boundary(a, b, c, score, nan, True) if score > 0.0 else NOT_FOUND
+    return Boundary(a, b, c, score, nan, True) if score > 0.0 else BOUNDARY_NOT_FOUND
 
 
 class Zhang2011Search:
@@ -171,7 +171,7 @@ class Zhang2011Search:
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
-        self._last = [NOT_FOUND, NOT_FOUND]
+        self._last = [BOUNDARY_NOT_FOUND, BOUNDARY_NOT_FOUND]
         self._n_before = [0, 0]
 
     def step(self, frame: LaneFrame) -> LaneFit:

@@ -27,16 +27,16 @@ TIME_FROM_WARNING_TO_BRAKING_S = 1.1
 and evaluations take. Chosen by hand."""
 DECELERATION_AFTER_WARNING_MPS2 = 4.0
 """Deceleration after the reaction, m/s^2: that of UN R131."""
-MAX_TTC_OF_LONGER_LOOK_S = 4.0
+MAX_TTC_AT_WHICH_LOOK_BEYOND_HORIZON_COUNTS_S = 4.0
 """Time to collision at the present speeds, s, above which the longer look does not count: that of ISO 15623."""
 MAX_TTC_OF_MEASURED_PAIRS_S = 5.0
 """Time to collision at the present speeds, s, up to which pairs are measured: a lead that brakes takes it from there to
-`MAX_TTC_OF_LONGER_LOOK_S` in more than the persistence. Chosen by hand."""
+`MAX_TTC_AT_WHICH_LOOK_BEYOND_HORIZON_COUNTS_S` in more than the persistence. Chosen by hand."""
 MAX_HEADING_DIFFERENCE_IN_STREAM_RAD = np.radians(30.0)
 """Greatest angle between headings of vehicles in one stream, rad. Chosen by hand."""
 MAX_STANDING_SPEED_MPS = 0.5
 """Speed below which a vehicle stands, m/s; its heading says nothing. Chosen by hand."""
-MIN_CLOSING_SPEED_MPS = 2.5
+MIN_CLOSING_SPEED_NOT_TO_WAIT_FOR_GENTLE_BRAKING_MPS = 2.5
 """Least closing speed at which gentle braking is not waited for, m/s: UN R152 begins at 10 km/h. Chosen by hand."""
 MAX_DISTANCE_OF_ARC_FROM_LINE_M = 0.3
 """Greatest distance between the host's arc and the straight line that continues its path, m. Chosen by hand."""
@@ -102,7 +102,9 @@ def measure_to_braking_horizon(
         for more_s in (0.0, persistence_s)
     )
     whole.probability[:], whole.late_probability[:] = 0.0, 0.0
-    whole.probability[rows[chosen]] = np.where(ttc_s[rows[chosen]] <= MAX_TTC_OF_LONGER_LOOK_S, within, 0.0)
+    whole.probability[rows[chosen]] = np.where(
+        ttc_s[rows[chosen]] <= MAX_TTC_AT_WHICH_LOOK_BEYOND_HORIZON_COUNTS_S, within, 0.0
+    )
     whole.late_probability[rows[chosen]] = late
     return whole
 
@@ -156,7 +158,9 @@ def _braking_horizon_s(
     )
     is_standing = np.abs(other.speed_mps[:, 0]) < MAX_STANDING_SPEED_MPS
     counts = (
-        np.isfinite(overlap_s) & (closing_mps >= MIN_CLOSING_SPEED_MPS) & (is_standing | (need_s > config.horizon_s))
+        np.isfinite(overlap_s)
+        & (closing_mps >= MIN_CLOSING_SPEED_NOT_TO_WAIT_FOR_GENTLE_BRAKING_MPS)
+        & (is_standing | (need_s > config.horizon_s))
     )
     return np.where(counts, need_s, np.nan)
 

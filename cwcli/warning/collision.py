@@ -96,19 +96,19 @@ class PathPairs:
 
     def _contact_probability(
         self,
-        host_s: FloatArray,
-        other_s: FloatArray,
-        covariances_s: tuple[FloatArray, FloatArray] | None = None,
+        host_time_s: FloatArray,
+        other_time_s: FloatArray,
+        covariance_times_s: tuple[FloatArray, FloatArray] | None = None,
         ends: Rows | None = None,
     ) -> FloatArray:
         """The probability of contact, (m, e); paths and covariances may have times of their own, (q,) or (m, q)."""
         none = np.zeros(len(self.host_row))
-        own = PlacesOnPaths.locate(self.host, self.host_row, none, host_s)
-        theirs = PlacesOnPaths.locate(self.other, self.other_row, self.age_s, other_s)
+        own = PlacesOnPaths.locate(self.host, self.host_row, none, host_time_s)
+        theirs = PlacesOnPaths.locate(self.other, self.other_row, self.age_s, other_time_s)
         own_spread, their_spread = own, theirs
-        if covariances_s is not None:
-            own_spread = PlacesOnPaths.locate(self.host, self.host_row, none, covariances_s[0])
-            their_spread = PlacesOnPaths.locate(self.other, self.other_row, self.age_s, covariances_s[1])
+        if covariance_times_s is not None:
+            own_spread = PlacesOnPaths.locate(self.host, self.host_row, none, covariance_times_s[0])
+            their_spread = PlacesOnPaths.locate(self.other, self.other_row, self.age_s, covariance_times_s[1])
         own_heading, their_heading = (
             own.interpolate_values(self.host.heading_rad),
             theirs.interpolate_values(self.other.heading_rad),

@@ -23,7 +23,7 @@ MAX_FOLLOWING_ANGLE_RAD = np.radians(30.0)
 """Greatest angle between the headings of a vehicle and one that follows it, rad. Chosen by hand; not fitted."""
 MIN_HOST_SPEED_TO_AVOID_FOLLOWER_MPS = -0.5
 """Speed in m/s, negative in reverse, below which the host can avoid who is behind it. Chosen by hand; not fitted."""
-FOLLOWING_MARGIN_M = 0.5
+MAX_LATERAL_GAP_OF_FOLLOWING_VEHICLE_M = 0.5
 """Lateral distance in m from the host's line, beyond half of both widths, up to which a vehicle counts as following.
 Chosen by hand."""
 MAX_PARALLEL_ANGLE_RAD = np.radians(10.0)
@@ -82,7 +82,7 @@ def _follower_mask(
     overlap_m = 0.5 * (width_m + other_width_m) - np.abs(left_m)
     # In one line who is nearer to the front is ahead; partly beside the host the follower must be behind its rear.
     is_behind = ahead_m < np.where(overlap_m > 0.0, 0.0, -0.5 * (length_m + other_length_m))
-    is_in_line = overlap_m > -FOLLOWING_MARGIN_M
+    is_in_line = overlap_m > -MAX_LATERAL_GAP_OF_FOLLOWING_VEHICLE_M
     is_in_line &= np.abs(angle_rad) < MAX_FOLLOWING_ANGLE_RAD
     return np.asarray(is_behind & is_in_line & (host_states[:, SPEED] > MIN_HOST_SPEED_TO_AVOID_FOLLOWER_MPS))
 

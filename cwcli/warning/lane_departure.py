@@ -48,7 +48,7 @@ SIDES = ("left", "right")
 
 EARLIEST_WARNING_LINE_AT_SLOW_DEPARTURE_M = 0.75
 """Earliest warning line, m inside the boundary, at rates of departure up to 0.5 m/s (ISO 17361)."""
-EARLIEST_LINE_TIME_PER_DEPARTURE_RATE_S = 1.5
+EARLIEST_WARNING_LINE_OFFSET_PER_DEPARTURE_RATE_S = 1.5
 """Time that the rate of departure is multiplied with for the earliest warning line, up to 1.0 m/s (ISO 17361)."""
 EARLIEST_WARNING_LINE_AT_FAST_DEPARTURE_M = 1.5
 """Earliest warning line, m inside the boundary, at higher rates of departure (ISO 17361)."""
@@ -63,7 +63,7 @@ DEFAULT_RELEASE_TIME_TO_LINE_CROSSING_S = 1.5
 def earliest_warning_line_m(rate_mps: FloatArray) -> FloatArray:
     """Distance inside the boundary before which no warning may come, at a rate of departure (ISO 17361)."""
     return np.clip(
-        EARLIEST_LINE_TIME_PER_DEPARTURE_RATE_S * np.asarray(rate_mps, dtype=np.float64),
+        EARLIEST_WARNING_LINE_OFFSET_PER_DEPARTURE_RATE_S * np.asarray(rate_mps, dtype=np.float64),
         EARLIEST_WARNING_LINE_AT_SLOW_DEPARTURE_M,
         EARLIEST_WARNING_LINE_AT_FAST_DEPARTURE_M,
     )

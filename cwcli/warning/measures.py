@@ -75,7 +75,7 @@ MEASURE_ARRAY_NAMES = tuple(
     entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states", "farther")
 )
 """Names of the fields of `Measures` that are arrays (m,)."""
-MIN_ONSET_PATH_ADVANTAGE_M = 0.25
+MIN_HORIZON_DISTANCE_ADVANTAGE_OF_ONSET_PATH_M = 0.25
 """Least advantage in m of the onset path's distance at the horizon over the mean path's for the onset to count. Chosen
 by hand."""
 

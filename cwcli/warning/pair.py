@@ -20,7 +20,7 @@ from cwcli.warning.events import EventSpan, EventTiming, find_events
 from cwcli.warning.kinds import WarningKind, kind_of_each_warning
 from cwcli.warning.measures import (
     MEASURE_ARRAY_NAMES,
-    MIN_ONSET_PATH_ADVANTAGE_M,
+    MIN_HORIZON_DISTANCE_ADVANTAGE_OF_ONSET_PATH_M,
     Measures,
     add_contact_probabilities,
     measure_paths,
@@ -32,10 +32,10 @@ from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]
 
-REACH_BEYOND_COLLISION_DISTANCE_M = 15.0
+MAX_EVALUATED_PAIR_GAP_BEYOND_COLLISION_DISTANCE_M = 15.0
 """Distance in m beyond the collision distance up to which a pair counts as within reach and is evaluated. Chosen by
 hand."""
-NEAR_BEYOND_COLLISION_DISTANCE_M = 6.0
+MAX_NEAR_PAIR_GAP_BEYOND_COLLISION_DISTANCE_M = 6.0
 """Distance in m beyond the collision distance up to which a pair is measured at every path point. Chosen by hand."""
 PATH_POINT_STRIDE_OF_DISTANT_PAIRS = 5
 """Stride of the path points at which pairs that are not near are measured: every fifth. Chosen by hand."""
@@ -221,7 +221,7 @@ def _evaluate_window(
     if rule.uses_onset and other.onset_paths is not None:
         begun = other.onset_paths.paths_of_rows(chosen)
         onset, _ = _measures_and_short_paths_coarse_then_fine(window.points, begun, near, time_s, config, sizes)
-        nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_PATH_ADVANTAGE_M
+        nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_HORIZON_DISTANCE_ADVANTAGE_OF_ONSET_PATH_M
         nearer &= np.abs(other.state[other_row, SPEED]) > MAX_STANDSTILL_SPEED_MPS
         begun_pairs = replace(pairs, other=begun)
         onset = judge_at_times(onset, begun_pairs, is_wanted=nearer)
@@ -336,7 +336,7 @@ def _within_reach_mask(
         other.x_m[other_row, 0] - host.x_m[host_row, 0], other.y_m[other_row, 0] - host.y_m[host_row, 0]
     )
     reach = top_own[host_row] * span_s + top_theirs[other_row] * (span_s + config.max_age_s)
-    return np.asarray(~(distance_m > reach + config.distance_m + REACH_BEYOND_COLLISION_DISTANCE_M))
+    return np.asarray(~(distance_m > reach + config.distance_m + MAX_EVALUATED_PAIR_GAP_BEYOND_COLLISION_DISTANCE_M))
 
 
 def _measures_and_short_paths_coarse_then_fine(
@@ -355,7 +355,7 @@ def _measures_and_short_paths_coarse_then_fine(
         )
     )
     coarse, beyond = _measures_and_short_paths_at_times(host_points, paths, at_moments, time_s, thinned, config, sizes)
-    near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_BEYOND_COLLISION_DISTANCE_M)
+    near = np.flatnonzero(coarse.min_distance_m < config.distance_m + MAX_NEAR_PAIR_GAP_BEYOND_COLLISION_DISTANCE_M)
     at_near = (at_moments[0][near], at_moments[1][near], at_moments[2][near])
     every = np.arange(len(time_s))
     fine, _ = _measures_and_short_paths_at_times(host_points, paths, at_near, time_s, every, config, sizes)

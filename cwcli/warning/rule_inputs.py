@@ -22,7 +22,7 @@ from cwcli.warning.types import PathArrays, VehicleTrack
 Rows = npt.NDArray[np.intp]
 OtherRowsPathRowsAges = tuple[Rows, Rows, FloatArray]
 """Rows of the other's states, rows of its paths, and ages of the states in s, (m,) each."""
-MOTION_COLUMNS = slice(ACCEL, JERK + 1)
+STATE_COLUMNS_OF_ACCELERATION_YAW_RATE_AND_JERK = slice(ACCEL, JERK + 1)
 """Columns of a state that hold acceleration, yaw rate and jerk."""
 
 
@@ -86,4 +86,4 @@ def _extrapolated_states_and_derivatives_of_other(
     other_rows, place, age_s = at_moments
     current = interpolate_paths(paths, place, age_s, np.zeros(1))
     theirs = np.concatenate([current.x_m, current.y_m, current.speed_mps, current.heading_rad], axis=1)
-    return theirs, other.state[other_rows, MOTION_COLUMNS]
+    return theirs, other.state[other_rows, STATE_COLUMNS_OF_ACCELERATION_YAW_RATE_AND_JERK]

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track, estimate_tracks
 from cwcli.estimation.song2016 import filtered_states_and_covariances_of_matrix, process_noise_covariance
 from cwcli.reproduction.song2016.methods import measure_vehicle
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from tests.studies import city_drive
 
 LIMIT = 20.0
@@ -104,7 +104,7 @@ def fleet() -> list[tuple[list[Measurements], np.ndarray]]:
 
 def main() -> int:
     """Print the table; return the exit code."""
-    run = measure_vehicle(load_scenario("curve"), HOST_NAME, seed=0)
+    run = measure_vehicle(load_scenario("curve"), EGO_VEHICLE_KEY, seed=0)
     z, sigma = run.vectors, run.sigma
     ours, theirs = filtered_states_and_covariances_of_matrix(z, tuple(sigma))[0], filterpy_filter(z, sigma)
     difference = float(np.abs(ours - theirs).max())

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_DONE, EXIT_NOT_WRITTEN, EXIT_USAGE
 from cwcli.report.drawing import EGO_COLOUR, WARNING_COLOUR
 from tests.cli.conftest import SAMPLES
 
@@ -88,7 +88,7 @@ def test_the_page_overlays_both_runs(runs: Path, tmp_path: Path) -> None:
     dashed = re.findall(r'stroke="(#\w+)" stroke-dasharray', text)
     assert sorted(dashed) == sorted([EGO_COLOUR, WARNING_COLOUR])  # the moved warning, in both runs
     assert "<script" not in text
-    assert run_command_line([*compare]) == EXIT_OUTPUT  # the page is there already
+    assert run_command_line([*compare]) == EXIT_NOT_WRITTEN  # the page is there already
 
 
 def test_the_page_measures_how_far_both_tracks_are_apart(runs: Path, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.errors import EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_DONE, EXIT_NOT_WRITTEN, EXIT_USAGE
 from tests.cli.conftest import SAMPLES, Run
 
 DRIVE = str(SAMPLES / "intersection.mcap")
@@ -45,5 +45,5 @@ def test_input_is_never_overwritten(cwcli: Run, tmp_path: Path) -> None:
     copy = tmp_path / "drive.mcap"
     copy.write_bytes(Path(DRIVE).read_bytes())
     done = cwcli("cut", str(copy), "--start", "1", "-o", str(copy), "--force")
-    assert done.returncode == EXIT_OUTPUT
+    assert done.returncode == EXIT_NOT_WRITTEN
     assert copy.read_bytes() == Path(DRIVE).read_bytes()

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_DONE, EXIT_OUTPUT
+from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_DONE, EXIT_NOT_WRITTEN
 from tests.cli.bounded import LIMIT_BYTES, MOST_MB
 from tests.cli.conftest import ROOT, SAMPLES
 from tests.cli.warm_process import WarmProcess
@@ -98,7 +98,7 @@ def check_all(warm: WarmProcess, folder: Path, log: Path) -> None:
     peak_mb, ended = run_all(warm, folder, [[names.get(word, word) for word in command] for command in COMMANDS])
     for command, (code, said, left, temporary) in zip(COMMANDS, ended, strict=True):
         told = f"{' '.join(command)}: {code}, left {left}\n{said}"
-        assert code in EXIT_CODES and code not in (EXIT_BUG, EXIT_OUTPUT), told
+        assert code in EXIT_CODES and code not in (EXIT_BUG, EXIT_NOT_WRITTEN), told
         assert "Traceback" not in said, told
         assert temporary == [], told
         assert code == EXIT_DONE or left == [] or "-d" in command, told  # `run -d` tells of the failure in its folder

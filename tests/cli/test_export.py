@@ -17,7 +17,7 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from cwcli import __version__
 from cwcli.cli.commands.export import CONTENT_NAMES_TEXT, EXPORT_FORMATS, format_of_each_suffix
-from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_NOT_WRITTEN, EXIT_USAGE
 from cwcli.export.content import CHANNEL_BY_EXPORT_CONTENT_NAME
 from cwcli.export.track_formats import TRACK_FORMATS, Track
 from tests.cli.conftest import SAMPLES, Run
@@ -159,7 +159,7 @@ def test_help_names_everything() -> None:
         (["--what", "remote", "--format", "tum", "--id", "7"], EXIT_USAGE, "it holds d9583520"),
         (["--what", "remote", "--id", "7"], EXIT_USAGE, "it holds d9583520"),
         (["--what", "lanes"], EXIT_MISSING_SIGNAL, "`cwcli lanes LOG -o annotated.mcap` makes it"),
-        (["-o", "there.csv"], EXIT_OUTPUT, "the file exists"),
+        (["-o", "there.csv"], EXIT_NOT_WRITTEN, "the file exists"),
     ],
 )
 def test_errors_are_one_line(

@@ -21,7 +21,7 @@ import pytest
 
 from cwcli.cli.commands.export import EXPORT_FORMATS, TABLE_FORMATS
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_OUTPUT, EXIT_PIPE_CLOSED, EXIT_USAGE
+from cwcli.errors import EXIT_NOT_WRITTEN, EXIT_PIPE_CLOSED, EXIT_USAGE
 from cwcli.export.track_formats import TRACK_FORMATS
 from cwcli.output import PLOT_FILE_FORMATS
 from cwcli.report import plots
@@ -79,7 +79,7 @@ def test_a_file_that_exists_is_kept_unless_it_is_forced(
     target = tmp_path / f"Straße-{ID}.{form}"
     target.write_bytes(b"mine")
     arguments = [command, str(annotated), *given, "-o", str(target), "--quiet"]
-    assert run_command_line(arguments) == EXIT_OUTPUT
+    assert run_command_line(arguments) == EXIT_NOT_WRITTEN
     assert capsys.readouterr().err.startswith(f"error: {target}: the file exists\n")
     assert target.read_bytes() == b"mine"
     assert run_command_line([*arguments, "--force"]) == 0
@@ -101,7 +101,7 @@ def test_a_pipe_that_nobody_reads_ends_an_export_quietly(annotated: Path, tmp_pa
 def test_a_full_disk_behind_stdout_is_one_line(annotated: Path, tmp_path: Path, form: str) -> None:
     with Path("/dev/full").open("wb") as full:
         done = by_itself(tmp_path, "export", annotated, *EXPORTS[form], "-o", "-", "--quiet", stdout=full)
-    assert (done.returncode, done.stderr) == (EXIT_OUTPUT, b"error: <stdout>: no space is left on the disk\n")
+    assert (done.returncode, done.stderr) == (EXIT_NOT_WRITTEN, b"error: <stdout>: no space is left on the disk\n")
 
 
 @pytest.mark.parametrize("name", [each for each in NAMES if "plot" not in str(each) or "motion" in str(each)])
@@ -111,7 +111,7 @@ def test_a_full_disk_leaves_no_file(annotated: Path, tmp_path: Path, name: str) 
     folder.mkdir()
     full = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (MOST_BYTES, MOST_BYTES))
     done = by_itself(folder, command, annotated, *given, "-o", f"x.{form}", "--quiet", preexec_fn=full)
-    assert done.returncode == EXIT_OUTPUT, done.stderr
+    assert done.returncode == EXIT_NOT_WRITTEN, done.stderr
     where = ".*/trace.mcap" if form == "osi" else f"x.{form}"  # a trace is made in the temporary folder first
     assert re.fullmatch(f"error: {where}: the file would be larger than is allowed\n", done.stderr.decode())
     assert [*folder.iterdir()] == []

@@ -17,7 +17,7 @@ from cwcli.errors import (
     EXIT_DONE,
     EXIT_GATE_FAILED,
     EXIT_MISSING_SIGNAL,
-    EXIT_OUTPUT,
+    EXIT_NOT_WRITTEN,
     EXIT_USAGE,
     InputError,
 )
@@ -45,7 +45,7 @@ MOST_MB, MOST_CPU_S, LONGEST_S = 500, 5, 120
 OUTPUTS = {"out.mcap", "out.import.toml", "out.html"}
 CODES = {
     *(EXIT_DONE, EXIT_GATE_FAILED, EXIT_USAGE, EXIT_BAD_INPUT),
-    *(EXIT_MISSING_SIGNAL, EXIT_BAD_DATA, EXIT_OUTPUT),
+    *(EXIT_MISSING_SIGNAL, EXIT_BAD_DATA, EXIT_NOT_WRITTEN),
 }
 MEASURED = """
 import json, resource, subprocess, sys

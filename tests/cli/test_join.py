@@ -13,7 +13,7 @@ from mcap.writer import Writer
 
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BAD_DATA, EXIT_MISSING_SIGNAL, EXIT_OUTPUT
+from cwcli.errors import EXIT_BAD_DATA, EXIT_MISSING_SIGNAL, EXIT_NOT_WRITTEN
 from cwcli.logs.read.reader import Log
 
 SAMPLE = Path(__file__).parents[2] / "sample_logs" / "intersection.mcap"
@@ -173,7 +173,7 @@ def test_stamps_that_are_late_are_corrected(
 @pytest.mark.parametrize("which", [0, 1])
 def test_no_input_is_overwritten(cars: tuple[Path, Path], which: int, capsys: pytest.CaptureFixture[str]) -> None:
     before = cars[which].read_bytes()
-    assert run_command_line(["join", *map(str, cars), "-o", str(cars[which]), "--force"]) == EXIT_OUTPUT
+    assert run_command_line(["join", *map(str, cars), "-o", str(cars[which]), "--force"]) == EXIT_NOT_WRITTEN
     assert "the input itself" in capsys.readouterr().err
     assert cars[which].read_bytes() == before
 

@@ -12,7 +12,7 @@ import pytest
 
 import cwcli.metrics.table
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_OUTPUT, OutputError
+from cwcli.errors import EXIT_NOT_WRITTEN, OutputError
 
 ROOT = Path(__file__).parents[2]
 FIRST_BYTES = 20_000
@@ -27,7 +27,7 @@ def test_tables_that_cannot_be_written_leave_no_annotated_log(
     monkeypatch.setattr(cwcli.metrics.table, "write_table_to_sink", no_space)
     target = tmp_path / "annotated.mcap"
     arguments = ["estimate", str(intersection), "-o", str(target), "--metrics", str(tmp_path / "estimate.parquet")]
-    assert run_command_line(arguments) == EXIT_OUTPUT
+    assert run_command_line(arguments) == EXIT_NOT_WRITTEN
     assert "no space is left" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 

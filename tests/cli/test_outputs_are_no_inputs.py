@@ -18,7 +18,7 @@ import cwcli
 from cwcli.cli.app import load_command
 from cwcli.cli.commands import HELP_LINE_BY_COMMAND, reproduce
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_NOT_WRITTEN, EXIT_USAGE
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
 from cwcli.stages import STAGES
@@ -144,7 +144,7 @@ def test_an_input_is_no_output(
         given = [str(files.get(each, each)) for each in ARGUMENTS[command]]
         code = run_command_line([command, *given, "--config", str(files["CONFIG"]), option, target, "--force"])
     error = capsys.readouterr().err
-    assert code == EXIT_OUTPUT, error
+    assert code == EXIT_NOT_WRITTEN, error
     assert error.count("error: ") == 1
     assert FORBIDDEN in error
     assert state(tmp_path) == before
@@ -164,7 +164,7 @@ def test_a_calibration_is_no_input(
     code = run_command_line(
         ["calibrate", str(files["LOG"]), "--config", str(files["CONFIG"]), "-o", str(target), "--force"]
     )
-    assert code == EXIT_OUTPUT
+    assert code == EXIT_NOT_WRITTEN
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -216,7 +216,7 @@ def test_a_table_in_a_folder_is_no_input(
     table.symlink_to(files["LOG"]) if kind == "symlink" else table.hardlink_to(files["LOG"])
     before = state(tmp_path)
     capsys.readouterr()
-    assert run_command_line(arguments) == EXIT_OUTPUT
+    assert run_command_line(arguments) == EXIT_NOT_WRITTEN
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -239,7 +239,7 @@ def test_a_figure_is_no_input(
     (folder / "fig-2.png").hardlink_to(files["CONFIG"])
     arguments = ["reproduce", "song2016", "--config", str(files["CONFIG"]), "--plots", str(folder)]
     before = state(tmp_path)
-    assert run_command_line([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_OUTPUT
+    assert run_command_line([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_NOT_WRITTEN
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -259,7 +259,7 @@ def test_a_page_on_a_paper_is_no_input(
     (folder / name).hardlink_to(files["CONFIG"])
     before = state(tmp_path)
     arguments = ["reproduce", "song2016", "--config", str(files["CONFIG"]), "--report", str(folder)]
-    assert run_command_line([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_OUTPUT
+    assert run_command_line([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_NOT_WRITTEN
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -280,7 +280,7 @@ def test_what_a_run_over_many_logs_writes_is_no_input(
         (out / name).hardlink_to(files[token])
     before = state(tmp_path)
     arguments = ["run", str(files["LOG"]), "-d", str(out), "--config", str(files["CONFIG"]), "--force"]
-    assert run_command_line(arguments) == EXIT_OUTPUT
+    assert run_command_line(arguments) == EXIT_NOT_WRITTEN
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -295,7 +295,7 @@ def test_what_a_run_over_many_logs_removes_is_no_input(
     before = state(tmp_path)
     assert (
         run_command_line(["run", str(files["LOG"]), "-d", str(tmp_path / "out"), "--config", str(config), "--force"])
-        == EXIT_OUTPUT
+        == EXIT_NOT_WRITTEN
     )
     assert "an input is in the folder of the results" in capsys.readouterr().err
     assert state(tmp_path) == before
@@ -304,7 +304,7 @@ def test_what_a_run_over_many_logs_removes_is_no_input(
 def test_the_demo_does_not_overwrite_its_configuration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = tmp_path / "intersection.annotated.mcap"
     config.write_text("quiet = true\n")
-    assert run_command_line(["demo", "-d", str(tmp_path), "--config", str(config)]) == EXIT_OUTPUT
+    assert run_command_line(["demo", "-d", str(tmp_path), "--config", str(config)]) == EXIT_NOT_WRITTEN
     assert FORBIDDEN in capsys.readouterr().err
     assert config.read_text() == "quiet = true\n"
 
@@ -333,7 +333,7 @@ def test_the_files_of_a_run_are_no_outputs(
 ) -> None:
     before = state(fleet)
     given = [str(fleet) if each == "OUT" else each for each in arguments]
-    assert run_command_line([*given, str(fleet / name), "--force"]) == EXIT_OUTPUT
+    assert run_command_line([*given, str(fleet / name), "--force"]) == EXIT_NOT_WRITTEN
     assert FORBIDDEN in capsys.readouterr().err
     assert state(fleet) == before
 
@@ -358,7 +358,7 @@ def in_shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
 def test_redirections_are_names_too(files: dict[str, Path], tmp_path: Path, line: str) -> None:
     before = state(tmp_path)
     done = in_shell(line, tmp_path)
-    assert done.returncode == EXIT_OUTPUT, done.stderr
+    assert done.returncode == EXIT_NOT_WRITTEN, done.stderr
     assert FORBIDDEN in done.stderr
     assert state(tmp_path) == before
 

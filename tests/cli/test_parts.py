@@ -18,7 +18,7 @@ from mcap.writer import Writer
 from pyarrow import parquet
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BAD_DATA, EXIT_BAD_INPUT, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_BAD_DATA, EXIT_BAD_INPUT, EXIT_NOT_WRITTEN, EXIT_USAGE
 from cwcli.logs.read.reader import Log
 from tests.unit.logs_read.part_builders import official, write_metadata
 
@@ -246,11 +246,11 @@ def test_parts_are_written_to_a_folder_of_their_own(
     assert run_command_line(["estimate", str(SAMPLE), "-o", str(tmp_path / "out"), *split]) == EXIT_USAGE
     assert "the log is one file" in capsys.readouterr().err
     before = {path: path.read_bytes() for path in drive.iterdir()}
-    assert run_command_line(["estimate", str(drive), "-o", str(drive), "--force", *split]) == EXIT_OUTPUT
+    assert run_command_line(["estimate", str(drive), "-o", str(drive), "--force", *split]) == EXIT_NOT_WRITTEN
     assert "the input itself" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in drive.iterdir()} == before
     assert run_command_line(["estimate", str(drive), "-o", "-", *split]) == EXIT_USAGE
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "drive_9.mcap").write_bytes(b"mine")
-    assert run_command_line(["estimate", str(drive), "-o", str(tmp_path / "there"), *split]) == EXIT_OUTPUT
+    assert run_command_line(["estimate", str(drive), "-o", str(tmp_path / "there"), *split]) == EXIT_NOT_WRITTEN
     assert [path.name for path in (tmp_path / "there").iterdir()] == ["drive_9.mcap"]

@@ -13,7 +13,7 @@ import pytest
 from cwcli.cli.commands.plot import PLOT_NAMES_TEXT
 from cwcli.cli.main import run_command_line
 from cwcli.digest.drive import read_drive
-from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE, MissingSignalError
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_NOT_WRITTEN, EXIT_USAGE, MissingSignalError
 from cwcli.evaluation.evaluation_context import EgoTruth
 from cwcli.logs.read.reader import Log
 from cwcli.report import plots
@@ -99,7 +99,7 @@ def test_the_absolute_error_s_mean_is_that_of_the_tracks(annotated: Path, tmp_pa
         (["-o", "x.bmp"], EXIT_USAGE, "an image ends in .png or .svg"),
         (["-o", "x.png", "--what", "erorr"], EXIT_USAGE, "did you mean error"),
         (["-o", "x.png", "--what", "lane"], EXIT_MISSING_SIGNAL, "run `cwcli lanes` first"),
-        (["-o", "no/such/x.png"], EXIT_OUTPUT, "no/such"),
+        (["-o", "no/such/x.png"], EXIT_NOT_WRITTEN, "no/such"),
     ],
 )
 def test_errors_are_one_line(

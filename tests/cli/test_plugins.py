@@ -25,7 +25,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.prediction.models import MODELS
 from cwcli.registry import _find_installed_plugins
-from cwcli.signals.inputs import INPUTS
+from cwcli.signals.inputs import INPUTS_BY_SCHEMA_NAME
 from cwcli.vision.methods import METHODS
 from cwcli.warning.rules import RULES
 from tests.cli.conftest import ROOT, Run
@@ -393,7 +393,7 @@ def test_the_rule_of_the_docs_warns_by_measures(cwcli: Run, intersection: Path, 
 def test_the_page_of_plugins_knows_every_group() -> None:
     page = (ROOT / "docs" / "plugins.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `(cwcli\.\w+)`", page, re.MULTILINE) == [
-        registry.group for registry in (RULES, MODELS, MEASURES, DOUBT_RULES, EVENTS, METHODS, INPUTS)
+        registry.group for registry in (RULES, MODELS, MEASURES, DOUBT_RULES, EVENTS, METHODS, INPUTS_BY_SCHEMA_NAME)
     ]
 
 

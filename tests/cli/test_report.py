@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_NOT_WRITTEN, EXIT_USAGE
 from cwcli.logs.read.added_channels import columns_of_added_channel
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
@@ -141,7 +141,7 @@ def test_errors_are_one_line(annotated: Path, cwcli: Run, tmp_path: Path) -> Non
         (("empty", "-o", "r.html"), EXIT_BAD_INPUT),
         (("broken.mcap", "-o", "r.html"), EXIT_BAD_INPUT),
         (("missing.mcap", "-o", "r.html"), EXIT_BAD_INPUT),
-        ((annotated, "-o", "there.html"), EXIT_OUTPUT),
+        ((annotated, "-o", "there.html"), EXIT_NOT_WRITTEN),
         ((annotated, "-o", "r.html", "--gate", "__import__('os')"), EXIT_USAGE),
     ):
         done = cwcli("report", *arguments)
@@ -328,7 +328,7 @@ def test_page_of_many_logs_keeps_to_its_size_and_says_what_is_left_out(
     assert len(report.left_out) == 12 - report.n_detailed
     assert f"{len(report.left_out)} of the 12 logs are in the table only" in report.html.decode()
     assert report.html.count(b'<svg class="track"') == 12
-    monkeypatch.setattr(build, "MAX_LOGS_OPENED", 1)  # of more, those with figures alone have a track
+    monkeypatch.setattr(build, "MAX_LOGS_OPENED_FOR_OVERVIEW", 1)  # of more, those with figures alone have a track
     report = build.build_report(str(tmp_path))
     assert report.html.count(b'<svg class="track"') == report.n_detailed > 0
 

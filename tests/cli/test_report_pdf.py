@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE, OutputError
+from cwcli.errors import EXIT_NOT_WRITTEN, EXIT_USAGE, OutputError
 from cwcli.report import pdf as pdf_module
 from cwcli.report.pdf import print_html_to_pdf
 from tests.cli.browser import browser
@@ -180,7 +180,8 @@ def test_a_browser_that_fails_leaves_no_file(
     broken.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
     assert (
-        run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), "--pdf", "--quiet"]) == EXIT_OUTPUT
+        run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), "--pdf", "--quiet"])
+        == EXIT_NOT_WRITTEN
     )
     assert "did not print the page: no display" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "r.pdf").exists()

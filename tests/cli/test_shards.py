@@ -19,7 +19,7 @@ import pytest
 
 from cwcli import __version__
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BAD_INPUT, EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE, UsageError
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_DONE, EXIT_NOT_WRITTEN, EXIT_USAGE, UsageError
 from cwcli.fleet.run import lock_folder
 from cwcli.fleet.shard import Shard, parse_shard
 from tests.cli.conftest import SAMPLES
@@ -98,7 +98,7 @@ def test_a_merge_from_a_store_leaves_the_copies_of_another_merge_alone(
     with lock_folder(copies):
         (copies / "part").write_bytes(b"of the other merge")
         code = run_command_line(["merge", "memory://busy/shard1", "-d", str(tmp_path / "merged"), "-q"])
-        assert code == EXIT_OUTPUT
+        assert code == EXIT_NOT_WRITTEN
         assert (copies / "part").read_bytes() == b"of the other merge"
     assert "another run is writing into the folder" in " ".join(capsys.readouterr().err.split())
 
@@ -132,7 +132,7 @@ def test_merge_onto_another_file_system_that_is_full_leaves_no_part(
     monkeypatch.setattr(os, "link", link_inside)
     with monkeypatch.context() as full:
         full.setattr(shutil, "copyfileobj", copy_half)
-        assert merge(runs, "shard1", "shard2", out=tmp_path / "merged") == EXIT_OUTPUT
+        assert merge(runs, "shard1", "shard2", out=tmp_path / "merged") == EXIT_NOT_WRITTEN
     assert not list(tmp_path.rglob("*.part*"))
     assert merge(runs, "shard1", "shard2", out=tmp_path / "merged") == EXIT_DONE
     assert tree(tmp_path / "merged") == tree(runs / "whole")
@@ -250,7 +250,7 @@ def test_changed_files_and_other_folders_are_refused(
     folder = shards_of(runs, tmp_path)
     assert merge(folder, "shard1", "shard2", out="shard1") == EXIT_USAGE
     (folder / "other" / "logs").mkdir(parents=True)
-    assert merge(folder, "shard1", "shard2", out="other") == EXIT_OUTPUT
+    assert merge(folder, "shard1", "shard2", out="other") == EXIT_NOT_WRITTEN
     (folder / "shard1" / "metrics.parquet").write_bytes(b"half")
     assert merge(folder, "shard1", "shard2") == EXIT_BAD_INPUT
     assert "are missing or changed" in " ".join(capsys.readouterr().err.split())

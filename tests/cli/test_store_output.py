@@ -13,7 +13,7 @@ import pytest
 from fsspec.implementations.memory import MemoryFileSystem
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BAD_INPUT, EXIT_DONE, EXIT_OUTPUT, EXIT_USAGE
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_DONE, EXIT_NOT_WRITTEN, EXIT_USAGE
 from cwcli.fleet.remote_folder import make_working_folder, remove_working_folder
 from tests.cli.conftest import SAMPLES
 from tests.cli.fleet_logs import cut, tree
@@ -111,7 +111,7 @@ def test_a_run_goes_on_after_a_store_that_dies(
 ) -> None:
     with monkeypatch.context() as broken:
         sent = record_sent_files(broken, lambda n: n == n_sent)
-        assert run(logs, bucket) == EXIT_OUTPUT
+        assert run(logs, bucket) == EXIT_NOT_WRITTEN
     message = " ".join(capsys.readouterr().err.split())
     assert "memory://bucket/out/" in message
     assert "it can't be written: the server does not allow it" in message
@@ -142,7 +142,7 @@ def test_other_files_beside_the_run_stay(logs: Path, bucket: str, tmp_path: Path
 
 def test_results_of_another_version_are_refused(logs: Path, bucket: str, capsys: pytest.CaptureFixture[str]) -> None:
     fsspec.filesystem("memory").pipe_file("/bucket/out/manifest.json", b'{"cwcli": "0.0.1", "format": 1, "logs": []}')
-    assert run(logs, bucket) == EXIT_OUTPUT
+    assert run(logs, bucket) == EXIT_NOT_WRITTEN
     assert "a manifest of format 1" in " ".join(capsys.readouterr().err.split())
 
 

@@ -18,7 +18,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.reader import NonSeekingReader, make_reader
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_OUTPUT, CwcliError
+from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_NOT_WRITTEN, CwcliError
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
     Opcode,
@@ -43,7 +43,7 @@ WITH_COMMAND = 0.1
 N_INPUTS = 4
 BEYOND_BYTES = 1 << 16
 DEFINITIONS: dict[int, Any] = {Opcode.SCHEMA: mcap.records.Schema, Opcode.CHANNEL: mcap.records.Channel}
-UNEXPECTED = {EXIT_BUG, EXIT_OUTPUT}
+UNEXPECTED = {EXIT_BUG, EXIT_NOT_WRITTEN}
 SCENARIO = """description = "two cars"
 duration_s = 2
 [vehicles.host]

@@ -24,7 +24,7 @@ from osi3.osi_sensordata_pb2 import SensorData
 from osi3.osi_sensorview_pb2 import SensorView
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_OUTPUT, CwcliError
+from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_NOT_WRITTEN, CwcliError
 from cwcli.logs.read.reader import Log
 from tests.fuzz.file_cases import fast_folder
 from tests.fuzz.mutate import Rng, mutate
@@ -41,7 +41,7 @@ STEP_NS = 100_000_000
 HOST = Actor(3, along(0.0, 0.0, 0.3, 12.0, -1.0), size_m=(4.4, 1.8))
 LEAD = Actor(8, along(25.0, 8.0, 0.3, 8.0))
 WALKER = Actor(11, along(30.0, -5.0, 1.8, 1.2), size_m=(0.5, 0.5), kind=MovingObject.TYPE_PEDESTRIAN, rear_m=None)
-UNEXPECTED = {EXIT_BUG, EXIT_OUTPUT}
+UNEXPECTED = {EXIT_BUG, EXIT_NOT_WRITTEN}
 COMMANDS = (
     *(("estimate", "LOG", "-o", "OUT"),) * 5,
     ("estimate", "LOG", "--tables", "--clock", "log"),

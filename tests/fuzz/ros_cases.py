@@ -15,7 +15,7 @@ from pathlib import Path
 from mcap.reader import NonSeekingReader
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_OUTPUT, CwcliError
+from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_NOT_WRITTEN, CwcliError
 from cwcli.export.ros.convert import ROS_TOPIC_PREFIX
 from cwcli.logs.read.reader import Log
 from tests.fuzz.file_cases import annotated_drive, fast_folder
@@ -50,7 +50,7 @@ def check_export(data: bytes, counts: Counter[str]) -> None:
             code = run_command_line(["export", str(path), "--format", "ros2", "-o", str(out)])
         counts[f"exit {code}"] += 1
         shown.flush()
-        assert code in EXIT_CODES and code not in {EXIT_BUG, EXIT_OUTPUT}, shown.buffer.getvalue().decode()
+        assert code in EXIT_CODES and code not in {EXIT_BUG, EXIT_NOT_WRITTEN}, shown.buffer.getvalue().decode()
         assert out.exists() == (code == 0)
         if code:
             return

@@ -15,8 +15,8 @@ ROOT = Path(__file__).parents[2]
 SIX_STATES = """
 from cwcli.reproduction.song2016.methods import measure_vehicle, paper_predicted_points_m
 from cwcli.reproduction.song2016.methods import paper_filter_states_with_derivatives
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
-run = measure_vehicle(load_scenario("straight"), HOST_NAME, 0)
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
+run = measure_vehicle(load_scenario("straight"), EGO_VEHICLE_KEY, 0)
 paper_predicted_points_m(paper_filter_states_with_derivatives(run), "jerk", 2.5)
 """
 RUN_OF_A_DRIVE = """

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.control_step import REPLAY_STEP_FIELD_NAMES, ReplayedSteps, make_replay_channels
+from cwcli.channels.control_step import CONTROL_STEP_FIELDS_THAT_VARY_BY_STEP, ReplayedSteps, make_replay_channels
 from cwcli.channels.ego_viewers import make_ego_channels
 from cwcli.channels.image_lines import LINE_LOOP, ImageShape, make_image_annotation_channel
 from cwcli.channels.lanes import LaneFrames, LaneRows, make_lane_annotation_channel, make_lanes_channel, read_lanes
@@ -222,8 +222,10 @@ def of_warnings(rng: np.random.Generator, n: int) -> Written:
 def of_replays(rng: np.random.Generator, n: int) -> Written:
     stamp_ns = times(n)[0]
     states = tuple(round_to_binary_step(rng.normal(size=(n, N_STATES)), 11) for _ in BRAKING_POLICY_NAMES)
-    series = tuple({name: rng.uniform(size=n) for name in REPLAY_STEP_FIELD_NAMES[:-1]} for _ in BRAKING_POLICY_NAMES)
-    series = tuple({**each, REPLAY_STEP_FIELD_NAMES[-1]: np.zeros(n, np.bool_)} for each in series)
+    series = tuple(
+        {name: rng.uniform(size=n) for name in CONTROL_STEP_FIELDS_THAT_VARY_BY_STEP[:-1]} for _ in BRAKING_POLICY_NAMES
+    )
+    series = tuple({**each, CONTROL_STEP_FIELDS_THAT_VARY_BY_STEP[-1]: np.zeros(n, np.bool_)} for each in series)
     replays = [ReplayedSteps(1, "car", stamp_ns, states, series)]
     channels = make_replay_channels(replays, host_size_m=(4.5, None), local_map=MAP)
     given = {

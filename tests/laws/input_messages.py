@@ -11,7 +11,7 @@ from typing import Any
 
 from cwcli.signals.columns import Ragged
 from cwcli.signals.etsi import CAM_PATHS, CAM_TS_PATHS, VAM_PATHS
-from cwcli.signals.j2735 import CARMA_PRESENCE_MASKS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
+from cwcli.signals.j2735 import CARMA_PRESENCE_MASKS, JSON_ODE_PATHS, ROS_PATHS, STANDARD_JSON_PATHS_BY_QUANTITY
 from cwcli.signals.role import Role
 from tests.laws.perceived_messages import PERCEIVED_SAMPLES
 from tests.laws.receiver_messages import RECEIVER_SAMPLES
@@ -480,11 +480,11 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "etsi_its_vam_ts_msgs/VAM": _without_size(_v2x(ros_paths(VAM_PATHS), VAM)),
     "j2735_v2x_msgs/BSM": _v2x(ROS_PATHS, ROS_BSM),
     "carma_v2x_msgs/BSM": _v2x(ROS_PATHS, CARMA_BSM, **FLAGS),
-    "BasicSafetyMessage": _v2x(JSON_RAW_PATHS, RAW_BSM),
-    "MessageFrame": _v2x(JSON_RAW_PATHS, RAW_BSM, IN_FRAME),
+    "BasicSafetyMessage": _v2x(STANDARD_JSON_PATHS_BY_QUANTITY, RAW_BSM),
+    "MessageFrame": _v2x(STANDARD_JSON_PATHS_BY_QUANTITY, RAW_BSM, IN_FRAME),
     "OdeBsmData": _v2x(JSON_ODE_PATHS, ODE_BSM, "payload.data."),
     "OdeBsmJson": _v2x(JSON_ODE_PATHS, ODE_BSM, "payload.data."),
-    "OdeMessageFrameData": _v2x(JSON_RAW_PATHS, RAW_BSM, f"payload.data.{IN_FRAME}"),
+    "OdeMessageFrameData": _v2x(STANDARD_JSON_PATHS_BY_QUANTITY, RAW_BSM, f"payload.data.{IN_FRAME}"),
     "carma_driver_msgs/ByteArray": _radio(packed_bsm, "content"),
     "cwcli_radio/J2735": _radio(packed_bsm, "payload"),
     "udp_msgs/UdpPacket": _radio(lambda k: b"\x07\xd1\x00\x00" + packed_cam(k), "data"),

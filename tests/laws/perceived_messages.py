@@ -104,7 +104,7 @@ def ros_cpm(k: int, stamp_ns: int, **changes: int) -> Sample:
         "semi_major_compass_deg": 0,
     }
     leaves = {cpm.ROS_OBJECT_PATHS[name]: code for name, code in cpm_object(**changes).items()}
-    leaves |= dict.fromkeys(cpm.ROS_PRESENCE_PATHS.values(), True)
+    leaves |= dict.fromkeys(cpm.ROS_PRESENCE_FLAG_PATHS_BY_OBJECT_QUANTITY.values(), True)
     car = {path.removeprefix(f"{cpm.ROS_OBJECTS_PATH}."): value for path, value in leaves.items()}
     car |= dict.fromkeys(("velocity_is_present", "acceleration_is_present"), True)
     car |= {"velocity.choice": 0, "acceleration.choice": 0}

@@ -17,7 +17,7 @@ from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal
 from cwcli.signals.columns import Columns, Field, Ragged, encode_strings
 from cwcli.signals.contract import SIGNAL_TYPES_BY_ROLE, check_builder_result
 from cwcli.signals.inputs import _BUILTIN_INPUTS as BUILTIN
-from cwcli.signals.inputs import INPUTS, normalise_schema_name
+from cwcli.signals.inputs import INPUTS_BY_SCHEMA_NAME, normalise_schema_name
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of
@@ -31,7 +31,7 @@ NO_SUCH_THING = {("foxglove", "cdr"), ("foxglove_msgs", "protobuf")}
 """foxglove's messages are called `foxglove_msgs/...` in CDR, and `foxglove....` in protobuf."""
 BUILT = [
     pytest.param(schema, entry, encoding, id=f"{schema}-{entry.role}-{encoding}")
-    for schema, entries in INPUTS.items()
+    for schema, entries in INPUTS_BY_SCHEMA_NAME.items()
     for entry in entries
     if entry.build is not None
     for encoding in entry.fields
@@ -151,7 +151,7 @@ def test_a_field_that_is_missing_or_of_another_kind_is_counted(schema, entry, en
 
 
 def test_every_role_but_the_camera_has_its_signals() -> None:
-    built = {entry.role for entries in INPUTS.values() for entry in entries if entry.build is not None}
+    built = {entry.role for entries in INPUTS_BY_SCHEMA_NAME.values() for entry in entries if entry.build is not None}
     assert built == set(SIGNAL_TYPES_BY_ROLE)
 
 
@@ -175,10 +175,12 @@ def test_every_type_has_a_row_with_its_fields_and_traps_and_a_message_in_the_tes
     assert len(rows) > 60
     types = set(BUILTIN)
     assert sorted(types - rows) == []
-    streamed = {schema for schema, entries in INPUTS.items() if all(entry.build is None for entry in entries)}
+    streamed = {
+        schema for schema, entries in INPUTS_BY_SCHEMA_NAME.items() if all(entry.build is None for entry in entries)
+    }
     assert streamed == {*CAMERAS, "cwcli.v1.LateralState"}
     for schema in types - streamed - OF_EVENTS:
-        assert schema in OSI_SAMPLES or callable(sample_of(schema, INPUTS[schema][0].role))
+        assert schema in OSI_SAMPLES or callable(sample_of(schema, INPUTS_BY_SCHEMA_NAME[schema][0].role))
 
 
 def channel(schema: str, encoding: str, n: int, fields: dict[str, Field]) -> Columns:

@@ -15,7 +15,7 @@ from cwcli.prediction.rollout import (
     roll_out_paths,
 )
 from cwcli.signals.columns import StateRows
-from cwcli.signals.vehicle_state import DERIVATIVE_INDICES
+from cwcli.signals.vehicle_state import STATE_COLUMNS_OF_MOTION_MODEL_RESPONSES
 
 FloatArray = npt.NDArray[np.float64]
 ATOL_M = 1e-9
@@ -64,7 +64,7 @@ def jacobian_of_path_xy_to_start_state(model: str, state: StateRows, settings: R
     start = _scale_derivatives_by_trust(state, trust)
     jacobian = integrate_paths(chosen, start, settings.time_s, prior, settings.discretisation).jacobian
     jacobian = np.moveaxis(jacobian, 0, 2)
-    jacobian[..., DERIVATIVE_INDICES] *= trust[:, None, None, :]
+    jacobian[..., STATE_COLUMNS_OF_MOTION_MODEL_RESPONSES] *= trust[:, None, None, :]
     return jacobian
 
 
@@ -102,7 +102,11 @@ def test_covariance_matches_samples(name: str) -> None:
     # small spread, so that the model is linear over it
     start = np.array([[10.0, -5.0, 15.0, 0.7, -1.0, 0.2, 0.4, -0.1]])
     covariance = covariances(1, 6) * 1e-4
-    ignored = [column for column, used in zip(DERIVATIVE_INDICES, MODELS[name].uses, strict=True) if not used]
+    ignored = [
+        column
+        for column, used in zip(STATE_COLUMNS_OF_MOTION_MODEL_RESPONSES, MODELS[name].uses, strict=True)
+        if not used
+    ]
     start[:, ignored] = covariance[:, ignored] = covariance[:, :, ignored] = 0.0
     # a driver who adds nothing, whose derivatives last, and of whom everything is believed
     steady = DriverPrior(

@@ -10,7 +10,12 @@ import pytest
 
 from cwcli.kernels import track as kernel
 from cwcli.metrics.chi_square import chi_square_mean_bounds
-from cwcli.simulation.dual_sensor import TARGET_PATHS, SensorNoise, observe_single_target, times_and_true_states_on_path
+from cwcli.simulation.dual_sensor import (
+    TARGET_POSITIONS_BY_PATH_SHAPE,
+    SensorNoise,
+    observe_single_target,
+    times_and_true_states_on_path,
+)
 from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, MOTION_MODELS, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import DetectionRows, prepare_detections
@@ -253,7 +258,7 @@ def test_nees_and_nis_lie_inside_their_bounds(name) -> None:
         assert low < np.mean(nis[source]) < high
 
 
-@pytest.mark.parametrize("name", TARGET_PATHS)
+@pytest.mark.parametrize("name", TARGET_POSITIONS_BY_PATH_SHAPE)
 def test_a_scene_repeats_with_its_seed_and_its_velocity_is_the_paths(name) -> None:
     truth = times_and_true_states_on_path(name, 50)
     a, b = (observe_single_target(*truth, NOISE, np.random.default_rng(9)) for _ in range(2))

@@ -15,7 +15,7 @@ from cwcli.reproduction.classes import (
     BETTER,
     CLASS_MEANINGS,
     DIFFERS,
-    FITTED,
+    FITTED_CLASS,
     FOLLOWS_FROM_INPUT,
     NOT_DETERMINABLE,
     NOT_IN_PAPER,
@@ -104,7 +104,7 @@ def planted_deviations(finding: Finding) -> list[Finding]:
     row, number = finding.expected, finding.measured
     if row.paper_text:
         return [Finding(row, replace(number, text=number.text[::-1] + "1"))]
-    if finding.verdict_class_of_number in {REPRODUCED, FITTED, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND}:
+    if finding.verdict_class_of_number in {REPRODUCED, FITTED_CLASS, FOLLOWS_FROM_INPUT, WITHIN_OWN_BOUND}:
         low = max(row.at_least, -math.inf if row.paper_range is None else row.paper_range[0] - row.tolerance)
         high = min(row.at_most, math.inf if row.paper_range is None else row.paper_range[1] + row.tolerance)
         off = 0.01 * max(abs(number.ours), 1e-3)
@@ -185,7 +185,7 @@ def test_a_row_without_the_right_to_its_class_is_refused(case: str) -> None:
 
 
 ROW = Expectation("fig 1", "speed", "m/s", REPRODUCED, paper_range=(1.0, 1.0), tolerance=0.1)
-SAID = Expectation("fig 1", "order", "", FITTED, paper_statement="a before b", at_least=1.0, fit_key="f")
+SAID = Expectation("fig 1", "order", "", FITTED_CLASS, paper_statement="a before b", at_least=1.0, fit_key="f")
 NAN = math.nan
 
 
@@ -195,8 +195,8 @@ NAN = math.nan
         (ROW, (1.1, NAN, NAN), REPRODUCED, False),
         (ROW, (1.11, NAN, NAN), DIFFERS, True),
         (ROW, (NAN, NAN, NAN), NOT_DETERMINABLE, True),
-        (replace(ROW, claimed_class=FITTED, fit_key="f"), (0.95, NAN, NAN), FITTED, False),
-        (replace(ROW, claimed_class=FITTED, fit_key="f"), (0.8, NAN, NAN), DIFFERS, True),
+        (replace(ROW, claimed_class=FITTED_CLASS, fit_key="f"), (0.95, NAN, NAN), FITTED_CLASS, False),
+        (replace(ROW, claimed_class=FITTED_CLASS, fit_key="f"), (0.8, NAN, NAN), DIFFERS, True),
         (replace(ROW, claimed_class=DIFFERS), (0.8, NAN, NAN), DIFFERS, False),
         (replace(ROW, claimed_class=DIFFERS), (1.0, NAN, NAN), REPRODUCED, False),
         (replace(ROW, better_direction="lower"), (0.8, 0.7, 0.99), BETTER, False),
@@ -235,7 +235,7 @@ NAN = math.nan
         ),
         (replace(ROW, claimed_class=FOLLOWS_FROM_INPUT, assumption_key="a"), (1.2, NAN, NAN), DIFFERS, True),
         (replace(ROW, better_direction="lower", group="smoother"), (0.8, 0.7, 0.8), DIFFERS, True),
-        (SAID, (1.0, NAN, NAN), FITTED, False),
+        (SAID, (1.0, NAN, NAN), FITTED_CLASS, False),
         (SAID, (0.0, NAN, NAN), DIFFERS, True),
         (replace(SAID, claimed_class=DIFFERS, fit_key=""), (0.0, NAN, NAN), DIFFERS, False),
     ],

@@ -18,7 +18,7 @@ from cwcli.reproduction.song2016.methods import measure_vehicle
 from cwcli.reproduction.song2016.prediction import MIN_PREDICTION_START_S, compute_prediction_errors
 from cwcli.reproduction.song2016.sensitivity import paper_warning_times_s
 from cwcli.reproduction.song2016.warning import collision_time_s
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from tests.papers import own_song2016 as own
 
 OTHERS = {"rear-end": "lead", "intersection": "other"}
@@ -43,7 +43,7 @@ def test_table_1_of_the_papers_filter(drive: str) -> None:
     found = {each.what: each.ours for each in reproduce_table_1_of_scenario(drive, 2, lambda: None).numbers}
     changes: dict[str, list[float]] = {}
     for seed in range(2):
-        run = measure_vehicle(load_scenario(drive), HOST_NAME, seed)
+        run = measure_vehicle(load_scenario(drive), EGO_VEHICLE_KEY, seed)
         error, noise = (values - run.truth[:, :6] for values in (own.filtered(run.vectors, run.sigma), run.vectors))
         for each in (error, noise):
             each[:, 3] = own.wrapped(each[:, 3])
@@ -63,7 +63,7 @@ def test_warning_moments_of_figures_9_and_11(name: str) -> None:
     for seed in range(3):
         states = [
             own.filtered(run.vectors, run.sigma)
-            for run in (measure_vehicle(scenario, car, seed) for car in (HOST_NAME, OTHERS[name]))
+            for run in (measure_vehicle(scenario, car, seed) for car in (EGO_VEHICLE_KEY, OTHERS[name]))
         ]
         for family, moment in paper_warning_times_s(scenario, OTHERS[name], seed).items():
             np.testing.assert_allclose(
@@ -87,8 +87,8 @@ def test_prediction_errors_of_figures_3_and_7() -> None:
     Starts at which the filter says less than 1 m/s are left out: a car that comes to rest has a rule of its own.
     """
     errors = compute_prediction_errors("straight", 2, lambda: None)
-    run = measure_vehicle(load_scenario("straight"), HOST_NAME, 0)
-    motion = load_scenario("straight").vehicles[HOST_NAME].motion
+    run = measure_vehicle(load_scenario("straight"), EGO_VEHICLE_KEY, 0)
+    motion = load_scenario("straight").vehicles[EGO_VEHICLE_KEY].motion
     states = own.filtered(run.vectors, run.sigma)
     cases = [(family, 2.5, errors.example_m[family]) for family in ("speed", "acceleration", "jerk")]
     for family, horizon_s, theirs in [*cases, ("jerk", 2.9, errors.horizon_example_m[2.9][1])]:
@@ -105,7 +105,7 @@ def test_prediction_errors_of_figures_3_and_7() -> None:
 def test_least_distances_of_figure_12(warned_s: float) -> None:
     """Number 9: fuzzy inference, brake, and motion of both cars on our own."""
     scenario = load_scenario("rear-end")
-    host, other = true_recorded_motion(scenario, HOST_NAME), true_recorded_motion(scenario, "lead")
+    host, other = true_recorded_motion(scenario, EGO_VEHICLE_KEY), true_recorded_motion(scenario, "lead")
     theirs = float(
         replay_with_policy(host, other, np.array([warned_s]), fuzzy_controller_throttle_and_pressure).min_distance_m[0]
     )

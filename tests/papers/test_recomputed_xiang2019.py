@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from cwcli.reproduction.xiang2019.reproduce import (
+    ASSUMED_SCENE_NOISE,
     N_SEGMENT_SAMPLES,
-    SCENE_NOISE,
     distance_error_table,
     segment_error_table,
 )
 from cwcli.simulation.dual_sensor import (
     PAPER_STATIC_RANGES_M,
-    TARGET_PATHS,
+    TARGET_POSITIONS_BY_PATH_SHAPE,
     DualSensorScene,
     observe_single_target,
     simulate_static_target,
@@ -35,18 +35,19 @@ def test_table_1_and_its_gap() -> None:
     """Number 10 and 11: the mean square errors of both filters on the four segments, and the UKF's gain."""
     n_seeds = 3
     table = segment_error_table(n_seeds)
-    for k, name in enumerate(TARGET_PATHS):
+    for k, name in enumerate(TARGET_POSITIONS_BY_PATH_SHAPE):
         errors = {}
         for unscented in (False, True):
             squares = np.zeros(2)
             for seed in range(n_seeds):
                 scene = observe_single_target(
                     *times_and_true_states_on_path(name, N_SEGMENT_SAMPLES),
-                    SCENE_NOISE,
+                    ASSUMED_SCENE_NOISE,
                     np.random.default_rng([seed, k]),
                 )
                 state = own.filtered(
-                    *rows(scene), lidar_m=SCENE_NOISE.lidar_m, radar=(SCENE_NOISE.range_m, SCENE_NOISE.azimuth_rad),
+                    *rows(scene), lidar_m=ASSUMED_SCENE_NOISE.lidar_m,
+                    radar=(ASSUMED_SCENE_NOISE.range_m, ASSUMED_SCENE_NOISE.azimuth_rad),
                     noise=0.3,
                     speed_mps=2.0, unscented=unscented,
                 )  # fmt: skip
@@ -67,9 +68,12 @@ def test_figure_6_and_its_gains() -> None:
     for k, true_m in enumerate(PAPER_STATIC_RANGES_M):
         errors = np.zeros((n_seeds, 3))
         for seed in range(n_seeds):
-            scene = simulate_static_target(true_m, 8, SCENE_NOISE, np.random.default_rng([seed, round(100 * true_m)]))
+            scene = simulate_static_target(
+                true_m, 8, ASSUMED_SCENE_NOISE, np.random.default_rng([seed, round(100 * true_m)])
+            )
             state = own.filtered(
-                *rows(scene), lidar_m=SCENE_NOISE.lidar_m, radar=(SCENE_NOISE.range_m, SCENE_NOISE.azimuth_rad),
+                *rows(scene), lidar_m=ASSUMED_SCENE_NOISE.lidar_m,
+                radar=(ASSUMED_SCENE_NOISE.range_m, ASSUMED_SCENE_NOISE.azimuth_rad),
                 noise=0.01,
                 speed_mps=0.01, unscented=True,
             )[-1]  # fmt: skip

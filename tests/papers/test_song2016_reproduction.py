@@ -8,7 +8,7 @@ import pytest
 
 from cwcli.estimation.song2016 import SAMPLING_TIME_S, least_squares_slope_of_last_samples
 from cwcli.pipeline.result import SummaryTable
-from cwcli.reproduction.classes import DIFFERS, FITTED, NOT_DETERMINABLE, WITHIN_OWN_BOUND, Finding
+from cwcli.reproduction.classes import DIFFERS, FITTED_CLASS, NOT_DETERMINABLE, WITHIN_OWN_BOUND, Finding
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.findings import StudyPart, is_strictly_increasing
 from cwcli.reproduction.request import ReproductionRequest
@@ -28,7 +28,7 @@ from cwcli.reproduction.song2016.reproduce import (
 )
 from cwcli.reproduction.song2016.sensitivity import moment_bands_over_variants
 from cwcli.reproduction.song2016.warning import (
-    TRAP_SCENARIOS,
+    COLLISION_FREE_SCENARIOS_THAT_MUST_NOT_WARN,
     WarningMoments,
     count_false_warnings,
     false_warning_trap_part,
@@ -84,7 +84,7 @@ def test_the_claimed_classes_of_the_warnings_are_reached(moments: tuple[str, War
     assert failed(part) == []
     # Rear-end: two families and their order; intersection: the ideal moment, three families and their order.
     fitted = {"rear-end": 3, "intersection": 5}[moments[0]]
-    assert sum(each.verdict_class_of_number == FITTED for each in findings(part)) == fitted
+    assert sum(each.verdict_class_of_number == FITTED_CLASS for each in findings(part)) == fitted
     assert [plot.figure for plot in part.plots] == (
         ["fig 9", "fig 8"] if moments[0] == "rear-end" else ["fig 11", "fig 10"]
     )
@@ -109,7 +109,7 @@ def test_the_seed_that_is_shown_warns_in_every_family(moments: tuple[str, Warnin
 def test_control_comes_out_as_in_the_paper(moments: tuple[str, WarningMoments]) -> None:
     part = braking_control_part(*moments)
     assert failed(part) == []
-    assert sum(each.verdict_class_of_number == FITTED for each in findings(part)) == (
+    assert sum(each.verdict_class_of_number == FITTED_CLASS for each in findings(part)) == (
         4 if moments[0] == "rear-end" else 1
     )
 
@@ -118,10 +118,10 @@ def test_control_comes_out_as_in_the_paper(moments: tuple[str, WarningMoments]) 
 def test_order_of_the_families_in_figures_3_and_5(name: str) -> None:
     part = prediction_errors_part(name, compute_prediction_errors(name, SEEDS, nothing))
     assert failed(part) == []
-    assert sum(each.verdict_class_of_number == FITTED for each in findings(part)) == 2  # mean and maximum
+    assert sum(each.verdict_class_of_number == FITTED_CLASS for each in findings(part)) == 2  # mean and maximum
 
 
-@pytest.mark.parametrize("name", TRAP_SCENARIOS)
+@pytest.mark.parametrize("name", COLLISION_FREE_SCENARIOS_THAT_MUST_NOT_WARN)
 def test_default_rule_is_silent_in_the_traps(name: str) -> None:
     assert count_false_warnings(name, 3, nothing)["cwcli"] == 0
 

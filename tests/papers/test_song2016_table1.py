@@ -14,7 +14,7 @@ from cwcli.reproduction.song2016.estimation import (
     table1_error_rows,
 )
 from cwcli.reproduction.song2016.methods import measure_vehicle
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 
 N_SEEDS = 20
 PAPER_CHANGE_PERCENT = {"position": -75.0, "speed": -80.0, "heading": -79.0, "accel": -46.0, "yaw_rate": -57.0}
@@ -80,7 +80,7 @@ def test_smoother_reaches_the_papers_rows_in_the_curve_too(
 
 
 def test_measured_column_is_the_papers() -> None:
-    run = measure_vehicle(load_scenario("straight"), HOST_NAME, seed=0)
+    run = measure_vehicle(load_scenario("straight"), EGO_VEHICLE_KEY, seed=0)
     measured = {row.name: row.measured_sigma for row in table1_error_rows(run, run.vectors)}
     assert measured["position"] == pytest.approx(0.6, rel=0.1)
     assert measured["speed"] == pytest.approx(0.5, rel=0.1)
@@ -90,13 +90,13 @@ def test_measured_column_is_the_papers() -> None:
 
 
 def test_measurements_instead_of_an_estimate_change_nothing() -> None:
-    run = measure_vehicle(load_scenario("straight"), HOST_NAME, seed=0)
+    run = measure_vehicle(load_scenario("straight"), EGO_VEHICLE_KEY, seed=0)
     assert [row.change_percent for row in table1_error_rows(run, run.vectors)] == [0.0] * 5
 
 
 def test_truth_is_the_papers_scenarios() -> None:
-    straight = measure_vehicle(load_scenario("straight"), HOST_NAME, seed=0).truth
-    curve = measure_vehicle(load_scenario("curve"), HOST_NAME, seed=0).truth
+    straight = measure_vehicle(load_scenario("straight"), EGO_VEHICLE_KEY, seed=0).truth
+    curve = measure_vehicle(load_scenario("curve"), EGO_VEHICLE_KEY, seed=0).truth
     assert straight[0, 2] == 0.0
     assert straight[-1, 2] == pytest.approx(15.0, abs=0.01)
     assert np.count_nonzero(np.diff((straight[:, 4] > 1.0).astype(int)) == 1) == 2

@@ -14,9 +14,9 @@ from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.xiang2019 import report
 from cwcli.reproduction.xiang2019.figures import distance_errors_plot, measured_numbers_of_tables
 from cwcli.reproduction.xiang2019.reproduce import (
+    ASSUMED_SCENE_NOISE,
     PAPER_FILTER_CONFIG,
-    PAPER_TABLE_1_PER_MILLE_M2,
-    SCENE_NOISE,
+    PAPER_TABLE_1_MEAN_SQUARE_ERRORS_PER_MILLE_M2,
     compute_tables,
     detection_rows_of_scene,
 )
@@ -38,8 +38,8 @@ def column(table, name):
 
 def test_table_1_of_the_paper_is_typed_right() -> None:
     for name, (x, y) in {"ekf": (4.24, 6.15), "ukf": (2.99, 4.83)}.items():
-        assert np.mean(PAPER_TABLE_1_PER_MILLE_M2[name]["x"]) == pytest.approx(x, abs=0.006)
-        assert np.mean(PAPER_TABLE_1_PER_MILLE_M2[name]["y"]) == pytest.approx(y, abs=0.006)
+        assert np.mean(PAPER_TABLE_1_MEAN_SQUARE_ERRORS_PER_MILLE_M2[name]["x"]) == pytest.approx(x, abs=0.006)
+        assert np.mean(PAPER_TABLE_1_MEAN_SQUARE_ERRORS_PER_MILLE_M2[name]["y"]) == pytest.approx(y, abs=0.006)
 
 
 def test_figure_6_combining_is_better_than_either_sensor_s_single_looks(small) -> None:
@@ -54,17 +54,22 @@ def test_figure_6_like_for_like_is_what_the_noises_say(small) -> None:
     """Inverse-variance weights: sqrt(1 + (0.10 / 0.25)^2) = 1.077 for the lidar, the other way 2.69 for the radar."""
     both = column(small["figure_6"], "combined_error_m").mean()
     lidar, radar = (column(small["figure_6"], f"{sensor}_error_m").mean() for sensor in ("lidar", "radar"))
-    assert lidar / both == pytest.approx(np.sqrt(1 + (SCENE_NOISE.lidar_m / SCENE_NOISE.range_m) ** 2), rel=0.1)
-    assert radar / both == pytest.approx(np.sqrt(1 + (SCENE_NOISE.range_m / SCENE_NOISE.lidar_m) ** 2), rel=0.15)
+    assert lidar / both == pytest.approx(
+        np.sqrt(1 + (ASSUMED_SCENE_NOISE.lidar_m / ASSUMED_SCENE_NOISE.range_m) ** 2), rel=0.1
+    )
+    assert radar / both == pytest.approx(
+        np.sqrt(1 + (ASSUMED_SCENE_NOISE.range_m / ASSUMED_SCENE_NOISE.lidar_m) ** 2), rel=0.15
+    )
 
 
 def test_figure_6_at_long_range_is_the_weighted_mean_of_the_looks() -> None:
     """A standing target straight ahead: the filter must give the inverse-variance mean of the eight looks."""
-    scene = simulate_static_target(15.2, 8, SCENE_NOISE, np.random.default_rng(0))
+    scene = simulate_static_target(15.2, 8, ASSUMED_SCENE_NOISE, np.random.default_rng(0))
     state = filter_single_target(
-        detection_rows_of_scene(scene, SCENE_NOISE), replace(PAPER_FILTER_CONFIG, noise=1e-6, start_speed_mps=1e-6)
+        detection_rows_of_scene(scene, ASSUMED_SCENE_NOISE),
+        replace(PAPER_FILTER_CONFIG, noise=1e-6, start_speed_mps=1e-6),
     ).state[-1]
-    weight = np.array([1 / SCENE_NOISE.lidar_m**2, 1 / SCENE_NOISE.range_m**2])
+    weight = np.array([1 / ASSUMED_SCENE_NOISE.lidar_m**2, 1 / ASSUMED_SCENE_NOISE.range_m**2])
     mean = (weight * [scene.lidar_xy[:, 1].mean(), scene.radar[:, 0].mean()]).sum() / weight.sum()
     assert state[1] == pytest.approx(mean, abs=2e-3)  # the bearing's curvature is left
 

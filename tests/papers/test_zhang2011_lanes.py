@@ -11,9 +11,9 @@ from cwcli.vision.methods import METHODS
 from cwcli.vision.objective import BLOCK_WEIGHTS_TENTHS
 from cwcli.vision.zhang2011 import (
     CROSSOVER_PROBABILITY,
-    FIRST_LEFT_RANGES,
     FIRST_PHASE,
-    FIRST_RIGHT_RANGES,
+    FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY,
+    FIRST_SEARCH_RANGES_OF_RIGHT_BOUNDARY,
     LATER_PHASE,
     MUTATION_PROBABILITY,
     SECOND_PHASE,
@@ -29,7 +29,10 @@ DECIMALS = (4, 2, 0)
 
 
 def test_decoding_of_the_worked_example() -> None:
-    low, high = np.array([r[0] for r in FIRST_LEFT_RANGES]), np.array([r[1] for r in FIRST_LEFT_RANGES])
+    low, high = (
+        np.array([r[0] for r in FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY]),
+        np.array([r[1] for r in FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY]),
+    )
     assert decode_chromosome_to_a_b_c("01010100011100001011101", low, high, (7, 8, 8)) == (-0.0017, 0.74, -9.0)
 
 
@@ -44,7 +47,7 @@ def test_mutation_of_the_worked_example() -> None:
 
 
 def test_lengths_of_table_3_follow_from_eq_4() -> None:
-    for region in (FIRST_LEFT_RANGES, FIRST_RIGHT_RANGES):
+    for region in (FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY, FIRST_SEARCH_RANGES_OF_RIGHT_BOUNDARY):
         assert (
             tuple(count_parameter_bits(*bounds, m) for bounds, m in zip(region, DECIMALS, strict=True))
             == FIRST_PHASE.bits

@@ -10,7 +10,7 @@ from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.reproduction.classes import (
     DIFFERS,
-    FITTED,
+    FITTED_CLASS,
     FOLLOWS_FROM_INPUT,
     NOT_IN_PAPER,
     REPRODUCED,
@@ -49,7 +49,7 @@ def test_the_worked_example() -> None:
         assert (
             found[f"eq 22, blend of the two printed observers: {state}"].verdict_class_of_number == FOLLOWS_FROM_INPUT
         )
-    for state, reached in (("v_y", FITTED), ("gamma", FITTED), ("y_L", DIFFERS), ("e_L", DIFFERS)):
+    for state, reached in (("v_y", FITTED_CLASS), ("gamma", FITTED_CLASS), ("y_L", DIFFERS), ("e_L", DIFFERS)):
         assert found[f"eq 22, car at 88 km/h: {state}"].verdict_class_of_number == reached
     assert found["eq 22, observer of 80 km/h at 88 km/h: v_y"].verdict_class_of_number == DIFFERS
     for speed in (80, 90):
@@ -58,7 +58,7 @@ def test_the_worked_example() -> None:
                 found[f"eq 17, K_{speed}: {state} from {source}"].verdict_class_of_number for state in STATE_NAMES
             ]
             # Printed zeros, by a reading of R1 that was chosen for them; a near-deadbeat predictor.
-            assert classes == [FITTED, FITTED, DIFFERS, DIFFERS]
+            assert classes == [FITTED_CLASS, FITTED_CLASS, DIFFERS, DIFFERS]
         printed = found[f"eq 17, {speed} km/h: largest pole of the predictor of y_L and e_L, gain printed"]
         assert printed.measured.ours < 0.1
 

@@ -7,18 +7,23 @@ import pytest
 
 from cwcli.reproduction.findings_report import PROCESSOR_TIMES_SECTION_KEY
 from cwcli.reproduction.zhang2011.lane_drives import (
+    N_FRAMES_BEFORE_STABLE_PHASE,
     N_JUDGED_FRAMES,
-    N_UNSTABLE_FRAMES,
     MethodResults,
     boundary_columns_px,
     camera_for_lane_methods,
     is_fit_correct,
     run_methods_on_drives,
 )
-from cwcli.reproduction.zhang2011.lanes import PAPER_CORRECT_PERCENT, PHASE_FRAME_RANGES, ROAD_SET_NAMES, run_lane_study
+from cwcli.reproduction.zhang2011.lanes import (
+    FRAME_RANGES_OF_LANE_SEARCH_PHASES,
+    PAPER_CORRECT_FRAMES_PERCENT_BY_ROAD_SET,
+    ROAD_SET_NAMES,
+    run_lane_study,
+)
 from cwcli.simulation.road.drive import iter_set_drives
 from cwcli.simulation.road.sets import FRAME_SETS
-from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary import BOUNDARY_NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit
 from cwcli.vision.methods import DEFAULT_METHOD, methods_without_model
 from tests.set_frames import iter_set_frames
@@ -35,8 +40,11 @@ def made(request: pytest.FixtureRequest) -> tuple[str, dict[str, MethodResults]]
 def test_share_of_right_frames_is_the_papers(made: tuple[str, dict[str, MethodResults]]) -> None:
     name, methods = made
     for key in ("zhang2011", DEFAULT_METHOD):
-        assert methods[key].is_correct.shape == (N_DRIVES, N_UNSTABLE_FRAMES + N_JUDGED_FRAMES)
-        assert 100.0 * methods[key].is_correct[:, N_UNSTABLE_FRAMES:].mean() >= PAPER_CORRECT_PERCENT[name]
+        assert methods[key].is_correct.shape == (N_DRIVES, N_FRAMES_BEFORE_STABLE_PHASE + N_JUDGED_FRAMES)
+        assert (
+            100.0 * methods[key].is_correct[:, N_FRAMES_BEFORE_STABLE_PHASE:].mean()
+            >= PAPER_CORRECT_FRAMES_PERCENT_BY_ROAD_SET[name]
+        )
 
 
 def test_the_stripe_is_never_stricter_than_its_centre(made: tuple[str, dict[str, MethodResults]]) -> None:
@@ -53,7 +61,7 @@ def test_a_frame_is_judged_against_its_truth() -> None:
     assert is_fit_correct(frame, LaneFit(left, right), SIZE, by_stripe=False)
     beside = Boundary(right.a, right.b, right.c + 25.0, 0.0, 1.0, True)
     assert not is_fit_correct(frame, LaneFit(left, beside), SIZE, by_stripe=True)
-    assert not is_fit_correct(frame, LaneFit(left, NOT_FOUND), SIZE, by_stripe=True)
+    assert not is_fit_correct(frame, LaneFit(left, BOUNDARY_NOT_FOUND), SIZE, by_stripe=True)
 
 
 def test_columns_of_a_search_image_of_half_the_size() -> None:
@@ -77,7 +85,7 @@ def test_methods_are_told_the_renderers_camera() -> None:
 def test_boundaries_of_the_papers_sets_are_painted_as_its_text_says() -> None:
     assert FRAME_SETS["good"].min_remaining_paint_share > 0.9
     assert FRAME_SETS["complex"].min_remaining_paint_share > 0.5
-    for name in PAPER_CORRECT_PERCENT:
+    for name in PAPER_CORRECT_FRAMES_PERCENT_BY_ROAD_SET:
         assert (FRAME_SETS[name].dashed, FRAME_SETS[name].double) == (0.0, 0.0)
     assert FRAME_SETS["hard"].dashed > 0.5
 
@@ -91,6 +99,6 @@ def test_the_study_does_not_depend_on_the_number_of_processes() -> None:
 
 def test_times_stand_apart_from_what_is_the_same_in_every_run() -> None:
     study = run_lane_study(N_JUDGED_FRAMES)
-    assert len(study.times.rows) == len(PHASE_FRAME_RANGES) * len(methods_without_model())
+    assert len(study.times.rows) == len(FRAME_RANGES_OF_LANE_SEARCH_PHASES) * len(methods_without_model())
     assert study.times.key == PROCESSOR_TIMES_SECTION_KEY  # no class, and not on the page
     assert {each.figure for each in study.shares_part.numbers} == {"conclusion 1"}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pycrate_asn1dir import ITS_CAM_2, ITS_DENM_3
 
-from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
+from cwcli.signals.radio.messages import CODE_OF_MISSING_COMPONENT, DECODE_FAULT_TEXTS, decode_messages
 from cwcli.signals.radio.program import Asn1Type, compile_asn1_type, load_message_type
 from cwcli.signals.radio.standard_messages import CAM
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
@@ -87,7 +87,7 @@ def check_random(message: str, n: int, seed: int) -> None:
     assert not decoded.status.any()
     for row, found in enumerate(expected):
         assert {name: int(decoded.component_codes(name)[row]) for name in names} == dict.fromkeys(
-            names, MISSING_CODE
+            names, CODE_OF_MISSING_COMPONENT
         ) | found
 
 
@@ -105,9 +105,9 @@ def check_mutated(message: str, n: int, seed: int) -> dict[str, int]:
     assert set(decoded.status.tolist()) <= {0, *DECODE_FAULT_TEXTS}
     for name in names:
         codes = decoded.component_codes(name)
-        assert (codes[decoded.status != 0] == MISSING_CODE).all()
+        assert (codes[decoded.status != 0] == CODE_OF_MISSING_COMPONENT).all()
         if name.endswith(("latitude", "longitude")):
-            assert (np.abs(codes[codes != MISSING_CODE]) <= 1_800_000_001).all()
+            assert (np.abs(codes[codes != CODE_OF_MISSING_COMPONENT]) <= 1_800_000_001).all()
     counts = np.bincount(decoded.status, minlength=max(DECODE_FAULT_TEXTS) + 1)
     return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in DECODE_FAULT_TEXTS.items()}
 

@@ -13,7 +13,7 @@ import sys
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.simulation.scenario import HOST_NAME, Scenario, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario, load_scenario
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -71,5 +71,5 @@ def _first_below(time_s: FloatArray, a: FloatArray, b: FloatArray) -> float:
 
 if __name__ == "__main__":
     varied = load_scenario(sys.argv[1], tuple(sys.argv[2:]))
-    remote_name = next(name for name in varied.vehicles if name != HOST_NAME)
+    remote_name = next(name for name in varied.vehicles if name != EGO_VEHICLE_KEY)
     print("  ".join(f"{model} {moment:.3f} s" for model, moment in moments(varied, remote_name).items()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.metrics.lane_scores import VISUAL_MIN_ROW_SHARE
+from cwcli.metrics.lane_scores import VISUAL_STANDARD_MIN_ROW_SHARE
 from cwcli.signals.columns import FloatArray
 from tests.studies.real_clips import VIDEO, Video, read_video, video_clip
 from tests.studies.real_drives import Counts, counted, watched
@@ -81,7 +81,7 @@ def test_a_first_frame_that_misleads_is_corrected_and_nothing_jumps_while_it_is_
     assert_nothing_jumps(counts)
     assert counts.wrong[0] <= 0.05 * counts.sure[0]
     is_late = seen.stamp_ns >= 1_200_000_000  # looked at again after 0.2, 0.4 and 0.8 s; better for 0.4 s
-    assert (seen.share[is_late] >= VISUAL_MIN_ROW_SHARE).all()
+    assert (seen.share[is_late] >= VISUAL_STANDARD_MIN_ROW_SHARE).all()
 
 
 @needs_pictures

@@ -9,10 +9,10 @@ import pytest
 
 from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.reproduction.zhang2011.drives import (
-    BAND_SHARE_NAME,
     DRIVE_BY_FIGURE,
     FRAME_RATE_HZ,
     N_SETTLING_FRAMES,
+    NAME_OF_SHARE_OF_TRUTH_IN_90_PERCENT_BAND,
     WINDING_ROAD,
     compute_drive_errors,
 )
@@ -63,7 +63,9 @@ def test_motion_and_path_are_within_the_bounds(sensors: str) -> None:
     errors = compute_drive_errors(truth, 0, seen.sensed, track, xy, paths.position_covariance_m2)
     for what, bound in BOUNDS[sensors].items():
         assert errors[what] <= bound, what
-    assert errors[BAND_SHARE_NAME] > 0.75  # of one short drive; over all drives of the study: see docs/observer.md
+    assert (
+        errors[NAME_OF_SHARE_OF_TRUTH_IN_90_PERCENT_BAND] > 0.75
+    )  # of one short drive; over all drives of the study: see docs/observer.md
 
 
 def test_noise_does_not_move_a_horizon_that_the_mounting_tells() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.catalogue import scenario_names
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from cwcli.simulation.truth import Motion
 from tests.approach import closest_approach_time_and_distance, first_time_nearer_than_s
 
@@ -17,8 +17,8 @@ TRAPS = {"brake-and-release": 20.0, "following": 20.0, "near-miss-crossing": 4.0
 
 def pair(name: str) -> tuple[Motion, Motion, float]:
     scenario = load_scenario(name)
-    (other,) = [key for key in scenario.vehicles if key != HOST_NAME]
-    return scenario.vehicles[HOST_NAME].motion, scenario.vehicles[other].motion, scenario.duration_s
+    (other,) = [key for key in scenario.vehicles if key != EGO_VEHICLE_KEY]
+    return scenario.vehicles[EGO_VEHICLE_KEY].motion, scenario.vehicles[other].motion, scenario.duration_s
 
 
 def test_every_scenario_with_two_cars_is_a_conflict_or_a_trap() -> None:

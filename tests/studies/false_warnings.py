@@ -41,7 +41,7 @@ from cwcli.simulate.sensor_log import write_simulated_log
 from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.recorded_actors import RecordedTrack, replace_vehicles
 
-from cwcli.simulation.scenario import HOST_NAME, parse_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, parse_scenario
 
 HORIZONS_S = (0.0, 3.7)
 CAR_M = (4.5, 1.8)
@@ -128,14 +128,19 @@ def traffic_logs(folder: Path, n_hosts: int, seed: int) -> Iterator[Path]:
     settings = SCENARIO_OVERRIDES_BY_GRADE["nominal"]
     sensors = {name: dict(table) for name, table in settings.items() if name != "v2x"}
     base = parse_scenario(
-        {"duration_s": 1, "vehicles": {HOST_NAME: {"speed_mps": 0}}, "sensors": sensors, "v2x": dict(settings["v2x"])},
+        {
+            "duration_s": 1,
+            "vehicles": {EGO_VEHICLE_KEY: {"speed_mps": 0}},
+            "sensors": sensors,
+            "v2x": dict(settings["v2x"]),
+        },
         name="traffic",
     )
     for host in rng.permutation(long_enough)[:n_hosts]:
         start_s = float(times[host][0])
         keep = times[host] <= start_s + DRIVE_S
         own_time, own = times[host][keep], states[host][keep]
-        tracks = {HOST_NAME: RecordedTrack(own_time - start_s, own, *CAR_M)}
+        tracks = {EGO_VEHICLE_KEY: RecordedTrack(own_time - start_s, own, *CAR_M)}
         for name, time_s in times.items():
             common = np.isin(np.round(time_s, 3), np.round(own_time, 3))
             if name == host or common.sum() < 20:

@@ -43,7 +43,7 @@ from cwcli.prediction.outcome_history import (
     actual_displacement_beyond_constant_velocity_m,
     unclear_lasting_new_shares_of_derivatives,
     measure_acting_time_s,
-    displacement_beyond_constant_velocity_m,
+    displacement_from_accel_and_yaw_rate_m,
     state_histories_by_vehicle,
 )
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
@@ -108,7 +108,7 @@ def group_of(several: Sequence[VehicleStates], too_sure: float) -> Group:
     thinned = slice(None, None, max(sum(len(track.rows) for track in tracks) // MAX_STARTS, 1))
     return Group(
         np.concatenate([track.state[:, SPEED] for track in tracks])[thinned],
-        np.concatenate([displacement_beyond_constant_velocity_m(track.state) for track in tracks])[thinned],
+        np.concatenate([displacement_from_accel_and_yaw_rate_m(track.state) for track in tracks])[thinned],
         np.concatenate([unclear_lasting_new_shares_of_derivatives(track) for track in tracks])[thinned],
         np.concatenate([actual_displacement_beyond_constant_velocity_m(track) for track in tracks])[thinned],
     )

@@ -23,7 +23,12 @@ from cwcli.vision.objective import (
     ResponseArray,
     compute_block_responses,
 )
-from cwcli.vision.zhang2011 import PARAMETER_DECIMALS, FIRST_LEFT_RANGES, FIRST_RIGHT_RANGES, MIN_SHOWN_BLOCKS
+from cwcli.vision.zhang2011 import (
+    PARAMETER_DECIMALS,
+    FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY,
+    FIRST_SEARCH_RANGES_OF_RIGHT_BOUNDARY,
+    MIN_BOUNDARY_BLOCKS_OF_CANDIDATE_INSIDE_IMAGE,
+)
 from tests.unit.vision.parabola_objectives import parabola_objectives
 
 EVERY = 2
@@ -33,7 +38,11 @@ def grid(is_left: bool) -> FloatArray:
     """Shape (n, 3): a, b, c."""
     axes = [
         np.arange(round(low * 10**m), round(high * 10**m) + 1, EVERY) / 10**m
-        for (low, high), m in zip(FIRST_LEFT_RANGES if is_left else FIRST_RIGHT_RANGES, PARAMETER_DECIMALS, strict=True)
+        for (low, high), m in zip(
+            FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY if is_left else FIRST_SEARCH_RANGES_OF_RIGHT_BOUNDARY,
+            PARAMETER_DECIMALS,
+            strict=True,
+        )
     ]
     return np.ascontiguousarray(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
 
@@ -41,7 +50,7 @@ def grid(is_left: bool) -> FloatArray:
 def best(responses: ResponseArray, lines: FloatArray, *, is_left: bool) -> Boundary:
     """The line of the highest objective."""
     value, n_blocks = parabola_objectives(responses, lines, is_left=is_left)
-    value[n_blocks < MIN_SHOWN_BLOCKS] = -np.inf
+    value[n_blocks < MIN_BOUNDARY_BLOCKS_OF_CANDIDATE_INSIDE_IMAGE] = -np.inf
     at = int(value.argmax())
     a, b, c = lines[at].tolist()
     return Boundary(a, b, c, float(value[at]), float("nan"), True)

@@ -33,8 +33,8 @@ from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_POINT_DISTANCE_M, LateralTrack, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.metrics.lane_scores import (
-    VISUAL_TOLERANCE_PX,
-    VISUAL_MIN_ROW_SHARE,
+    VISUAL_STANDARD_COLUMN_TOLERANCE_PX,
+    VISUAL_STANDARD_MIN_ROW_SHARE,
     VISUAL_REFERENCE_IMAGE_WIDTH_PX,
     share_of_rows_within_tolerance,
 )
@@ -182,7 +182,7 @@ def watched(
     lane = np.rint(offset_m / drive.scene.lane_width_m)
     crossed_s = drive.time_s[np.flatnonzero(np.diff(lane)) + 1]
     near = (np.abs(drive.time_s[:, None] - crossed_s[None]) <= CHANGE_S).any(axis=1)
-    tolerance_px = VISUAL_TOLERANCE_PX * SIZE[0] / VISUAL_REFERENCE_IMAGE_WIDTH_PX
+    tolerance_px = VISUAL_STANDARD_COLUMN_TOLERANCE_PX * SIZE[0] / VISUAL_REFERENCE_IMAGE_WIDTH_PX
     share = np.full((n, 2), np.nan)
     for i, truth in enumerate(truths):
         lanes = [0.0]
@@ -277,7 +277,7 @@ def counted(seen: Seen) -> Counts:
     """What is counted of a drive."""
     n = len(seen.drive)
     is_judged = np.isfinite(seen.share)
-    is_right = seen.share >= VISUAL_MIN_ROW_SHARE
+    is_right = seen.share >= VISUAL_STANDARD_MIN_ROW_SHARE
     sure = (seen.fits.probability > 0.5) & seen.fits.found & is_judged
     found, true = places_m(seen)
     moved = np.abs(np.diff(found, axis=0) - np.diff(true, axis=0))

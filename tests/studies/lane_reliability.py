@@ -21,10 +21,15 @@ import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-from cwcli.metrics.lane_scores import VISUAL_MIN_ROW_SHARE, BoundaryColumns, lanes_beside_ego, visual_standard_score
+from cwcli.metrics.lane_scores import (
+    VISUAL_STANDARD_MIN_ROW_SHARE,
+    BoundaryColumns,
+    lanes_beside_ego,
+    visual_standard_score,
+)
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import camera_of_zhang2011
-from cwcli.simulation.road.conditions import CONDITIONS
+from cwcli.simulation.road.conditions import DRAW_FUNCTION_BY_WEATHER
 from cwcli.simulation.road.geometry import RoadAhead
 from tests.set_frames import clothoid_curvature_1pm
 from cwcli.simulation.road.render import RoadFrame, render_frame
@@ -77,7 +82,7 @@ EDGES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.001)
 def drawn(name: str, n: int, seed: int) -> Iterator[RoadFrame]:
     """Frames of `complex` roads, `bare` of paint, `worn` as far as the renderer can, or with `dots`; `noise`; or of
     `hard` roads evenly in each `weather`."""
-    names = sorted(CONDITIONS)
+    names = sorted(DRAW_FUNCTION_BY_WEATHER)
     for index in range(n):
         rng = random_stream(seed, "road", name, str(index))
         spec = FRAME_SETS["hard" if name == "weather" else "complex"]
@@ -136,7 +141,7 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
                     if np.isnan(share):
                         continue
                     rows.append(first_frame_probability_features(evidence, lanes, values, votes, 240)[side])
-                    right.append(float(share >= VISUAL_MIN_ROW_SHARE and name not in EMPTY))
+                    right.append(float(share >= VISUAL_STANDARD_MIN_ROW_SHARE and name not in EMPTY))
                     empty.append(float(EMPTY.index(name) + 1 if name in EMPTY else 0))
     return np.array(rows), np.array(right), np.array(empty)
 

@@ -27,7 +27,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.reproduction.zhang2011.lane_drives import (
     N_JUDGED_FRAMES,
-    N_UNSTABLE_FRAMES,
+    N_FRAMES_BEFORE_STABLE_PHASE,
     camera_for_lane_methods,
     is_fit_correct,
 )
@@ -66,7 +66,9 @@ def rendered(name: str, method_name: str) -> list[np.ndarray]:
     """The tiles of a set."""
     method = METHODS[method_name]
     tiles = []
-    for number, drive in enumerate(iter_set_drives(name, TILES, n_frames=N_UNSTABLE_FRAMES + N_JUDGED_FRAMES)):
+    for number, drive in enumerate(
+        iter_set_drives(name, TILES, n_frames=N_FRAMES_BEFORE_STABLE_PHASE + N_JUDGED_FRAMES)
+    ):
         search = method.make(number)
         for k, frame in enumerate(drive.iter_rendered_frames()):
             height, width = frame.grey.shape

@@ -21,7 +21,7 @@ from cwcli.estimation.song2016 import (
     filtered_states_and_covariances_of_matrix,
     least_squares_slope_of_last_samples,
 )
-from cwcli.reproduction.song2016.fitted_noise import PRINTED_NOISE_SIGMAS
+from cwcli.reproduction.song2016.fitted_noise import PRINTED_MEASUREMENT_NOISE_SIGMAS
 from cwcli.reproduction.song2016.methods import MODEL_BY_FAMILY, PREDICTION_HORIZON_S, paper_predicted_points_m
 from cwcli.reproduction.song2016.warning import COLLISION_CENTRE_DISTANCE_M, first_time_below_s
 from cwcli.signals.columns import FloatArray
@@ -80,7 +80,7 @@ def moments_s(coast: tuple[float, float], brake: tuple[float, float, float]) -> 
 
 def _filtered(truth: FloatArray) -> FloatArray:
     """Run the paper's filter on exact measurements and append its slopes, shape (n, 8)."""
-    states, _ = filtered_states_and_covariances_of_matrix(truth, tuple(PRINTED_NOISE_SIGMAS))
+    states, _ = filtered_states_and_covariances_of_matrix(truth, tuple(PRINTED_MEASUREMENT_NOISE_SIGMAS))
     return np.column_stack(
         [
             states[:, :6],

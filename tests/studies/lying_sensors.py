@@ -31,7 +31,7 @@ import numpy as np
 
 from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
-from cwcli.estimation.measurements import IMU_RATE_KINDS
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, earliest_stamp_ns
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.source_judgement import JudgedSources, judge_sources
@@ -41,7 +41,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.signals.role import Role
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from cwcli.stages.estimate import EGO_SENSOR_ROLES, _collect_ego_measurements, _map_at_first_fix_unless_cartesian
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from tests.studies import sensor_faults
@@ -183,7 +183,7 @@ def estimated(
     """The root mean square error (m) and NEES per degree of freedom of a point ahead of the true one, and the track."""
     stamp_ns = truth_stamps_ns(drive)[::50]
     track = estimate_track(measurements, EstimatorConfig(), stamp_ns)
-    true = true_states_of_vehicle(drive, HOST_NAME)[::50]
+    true = true_states_of_vehicle(drive, EGO_VEHICLE_KEY)[::50]
     error = track.state[:, :2] - true[:, :2] - ahead_m * np.column_stack([np.cos(true[:, 3]), np.sin(true[:, 3])])
     squared = np.einsum("ni,nij,nj->n", error, np.linalg.inv(track.covariance[:, :2, :2]), error)
     return float(np.sqrt((error**2).sum(axis=1).mean())), float(squared.mean()) / 2.0, track
@@ -217,7 +217,7 @@ def is_named(fault: Fault, track: Track) -> bool:
 
 def is_unchecked(fault: Fault, track: Track) -> bool:
     """Whether the verdict says that no other source confirms the wrong one."""
-    kinds = IMU_RATE_KINDS if fault.kind is Kind.IMU else (fault.kind,)
+    kinds = KINDS_THAT_IMU_MEASURES_TOO if fault.kind is Kind.IMU else (fault.kind,)
     return any(r.kind in kinds and r.n_used and not r.is_checked for r in track.sources)
 
 
@@ -227,7 +227,7 @@ def run_fault(drive: SimulatedDrive, right: Sequence[Measurements], fault: Fault
 
 
 def _case_of_fault(estimates: Estimates, right: Sequence[Measurements], fault: Fault, least_m: float) -> Case:
-    true = true_states_of_vehicle(estimates.drive, HOST_NAME)[::50]
+    true = true_states_of_vehicle(estimates.drive, EGO_VEHICLE_KEY)[::50]
     time_s = 0.05 * np.arange(len(true))
     sensor_faults.STANDING_SPEED[:] = [time_s, np.abs(true[:, 2])]
     sensor_faults.TRUE_HEADING[:] = [time_s, true[:, 3]]

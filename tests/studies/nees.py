@@ -32,7 +32,7 @@ from cwcli.pipeline.call import run_stage
 from cwcli.signals.angles import wrap_angle
 from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
 from tests.studies.never_worse import REAL as REAL_LOGS
@@ -85,7 +85,7 @@ def track_nees(track: Track, stamp_ns: np.ndarray, truth: np.ndarray, rows: np.n
 
 def drive_nees(drive: SimulatedDrive, config: EstimatorConfig = EstimatorConfig()) -> Nees:
     """Both tracks of a drive against its truth, 20 times a second."""
-    stamp_ns, truth = truth_stamps_ns(drive)[::50], true_states_of_vehicle(drive, HOST_NAME)[::50]
+    stamp_ns, truth = truth_stamps_ns(drive)[::50], true_states_of_vehicle(drive, EGO_VEHICLE_KEY)[::50]
     rows = stamp_ns >= stamp_ns[0] + int(SETTLED_S * 1e9)
     tracks = estimate_hindsight_and_online_tracks(received_measurements(drive), config, stamp_ns, blind=False)
     return {

@@ -31,8 +31,8 @@ from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_POINT_DISTANCE_M, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.metrics.lane_scores import (
-    VISUAL_TOLERANCE_PX,
-    VISUAL_MIN_ROW_SHARE,
+    VISUAL_STANDARD_COLUMN_TOLERANCE_PX,
+    VISUAL_STANDARD_MIN_ROW_SHARE,
     VISUAL_REFERENCE_IMAGE_WIDTH_PX,
     share_of_rows_within_tolerance,
 )
@@ -157,7 +157,7 @@ def judged(shot: Shot, fit: LaneFit, camera: Camera) -> tuple[FloatArray, FloatA
     wide = np.abs(shot.lines[1] - shot.lines[0]) / LANE_WIDTH_MEAN_AND_SIGMA_M[0]
     error = (lines - shot.lines)[:, at] / wide[at]
     inside = (shot.lines >= 0.0) & (shot.lines <= width - 1.0) & (rows > shot.horizon_px + 0.15 * depth)
-    tolerance = VISUAL_TOLERANCE_PX * width / VISUAL_REFERENCE_IMAGE_WIDTH_PX
+    tolerance = VISUAL_STANDARD_COLUMN_TOLERANCE_PX * width / VISUAL_REFERENCE_IMAGE_WIDTH_PX
     share = [
         share_of_rows_within_tolerance(line, true, use, tolerance_px=tolerance)
         for line, true, use in zip(lines, shot.lines, inside, strict=True)
@@ -202,7 +202,7 @@ def counted(seen: Seen) -> Counts:
     for k, chance in enumerate(SURE):
         use = is_judged & (seen.fits.probability > chance)
         counts.sure[k] = np.count_nonzero(use)
-        counts.wrong[k] = np.count_nonzero(use & (seen.share < VISUAL_MIN_ROW_SHARE))
+        counts.wrong[k] = np.count_nonzero(use & (seen.share < VISUAL_STANDARD_MIN_ROW_SHARE))
     counts.departures, counts.seconds = len(departures(seen)), float(seen.stamp_ns[-1] - seen.stamp_ns[0]) / 1e9
     return counts
 

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from cwcli.simulation.road.camera import wide_camera
-from cwcli.simulation.road.conditions import CONDITIONS
+from cwcli.simulation.road.conditions import DRAW_FUNCTION_BY_WEATHER
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.render import RoadFrame
 from tests.set_frames import iter_set_frames
@@ -61,7 +61,7 @@ def main(folder: Path) -> None:
             ).render_frame_at(60),
             name,
         )
-        for name in CONDITIONS
+        for name in DRAW_FUNCTION_BY_WEATHER
     ]
     write(folder / "road-weather.jpg", sheet(drives, 4))
 

@@ -21,7 +21,7 @@ from cwcli.measures.cpi import (
     AVAILABLE_BRAKING_SIGMA_MPS2,
 )
 from cwcli.measures.p_mc import CONTACT_HORIZON_S
-from cwcli.measures.p_mc import ACCEL_SIGMA_MPS2 as MANOEUVRE_MPS2
+from cwcli.measures.p_mc import RANDOM_MANOEUVRE_ACCEL_SIGMA_MPS2 as MANOEUVRE_MPS2
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.columns import FloatArray
 

@@ -23,7 +23,7 @@ from cwcli.estimation.config import LatencyOption
 from cwcli.estimation.consistency import nees
 from cwcli.signals.angles import wrap_angle
 from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
 SPEED_BOUND_MPS = 0.03
@@ -70,7 +70,7 @@ def one_run(
     if latency in ("auto", "none"):
         given = latency  # type: ignore[assignment]
     stamp_ns = truth_stamps_ns(drive)[::50]
-    truth = true_states_of_vehicle(drive, HOST_NAME)[::50].copy()
+    truth = true_states_of_vehicle(drive, EGO_VEHICLE_KEY)[::50].copy()
     truth[:, :2] += ahead_m * np.column_stack([np.cos(truth[:, 3]), np.sin(truth[:, 3])])
     track = estimate_track(measurements_of(drive), EstimatorConfig(latency=given, **config), stamp_ns)  # type: ignore[arg-type]
     error = track.state - truth

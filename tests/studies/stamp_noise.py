@@ -20,7 +20,7 @@ from cwcli.estimation.track import estimate_hindsight_and_online_tracks
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 from cwcli.simulation.drive import simulate_scenario
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from tests.studies.sensor_model import measurements_of
 from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
@@ -68,7 +68,7 @@ def one_run(
     tracks = estimate_hindsight_and_online_tracks(
         measurements, EstimatorConfig(), truth_stamps_ns(drive)[rows], blind=False
     )
-    truth = true_states_of_vehicle(drive, HOST_NAME)[rows]
+    truth = true_states_of_vehicle(drive, EGO_VEHICLE_KEY)[rows]
     found = {
         f"{when} {name}": value
         for when, track in zip(("hindsight", "online"), tracks, strict=True)

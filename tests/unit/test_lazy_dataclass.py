@@ -270,7 +270,7 @@ def test_every_class_of_cwcli_can_be_compiled() -> None:
         if path.name not in {"__main__.py", "warm.py"}:
             importlib.import_module(".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"))
     assert decorated > 250
-    for kind in list(lazy_dataclass._DEFERRED_BY_CLASS):
+    for kind in list(lazy_dataclass._DEFERRED_METHODS_BY_CLASS):
         dataclasses.fields(kind)
 
 

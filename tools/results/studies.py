@@ -98,13 +98,13 @@ def _run_lead_profiles(seeds: int) -> Measured:
 
 
 def _run_true_states(_: int) -> Measured:
-    from cwcli.simulation.scenario import HOST_NAME, load_scenario
+    from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
     from tests.scenarios.song2016_moments import moments
 
     values = {}
     for name in ("rear-end", "intersection"):
         scenario = load_scenario(name)
-        other = next(each for each in scenario.vehicles if each != HOST_NAME)
+        other = next(each for each in scenario.vehicles if each != EGO_VEHICLE_KEY)
         for model, when_s in moments(scenario, other).items():
             values[f"{name}: {model}"] = (when_s, *NOT_RANDOM)
     return Measured(values)

@@ -18,7 +18,7 @@ EXAMPLES = ("cwcli demo", "cwcli demo -d /tmp/demo")
 """Command lines at the end of the command's `--help`."""
 SAMPLE_LOG_NAME = "intersection"
 """Name of the bundled log that the demo runs on: a car from the right turns into the ego's path."""
-PACKAGES_OF_HTML_PAGE = ("jinja2", "plotly")
+PACKAGES_NEEDED_FOR_HTML_PAGE = ("jinja2", "plotly")
 """Packages that the page needs."""
 NEXT_COMMAND_HINT = "cwcli run YOUR.mcap"
 """The command that the demo suggests at its end."""
@@ -63,7 +63,7 @@ def _write_page_unless_packages_missing(annotated: Path, page: Path) -> bool:
     """Write the page of the annotated log; False where the packages that it needs are not installed."""
     from importlib.util import find_spec
 
-    if any(find_spec(name) is None for name in PACKAGES_OF_HTML_PAGE):
+    if any(find_spec(name) is None for name in PACKAGES_NEEDED_FOR_HTML_PAGE):
         return False
     from cwcli.output import write_file
     from cwcli.report.build import build_report

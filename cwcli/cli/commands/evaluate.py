@@ -43,7 +43,7 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 GATE_TABLE_HEADINGS = ("result", "gate", "number of checks", "failed checks")
 """Headings of the table of gates."""
-SYSTEM_TABLE_HEADINGS = (
+OTHER_SYSTEM_METRICS_TABLE_HEADINGS = (
     "metric",
     "the other system",
     "cwcli",
@@ -53,7 +53,7 @@ SYSTEM_TABLE_HEADINGS = (
 """Headings of the table of another system's metrics."""
 MAX_SHOWN_FAILURES = 20
 """Greatest number of failed logs, and of failed checks of a gate, that the terminal shows. Chosen by hand."""
-MAX_MARKDOWN_ROWS = 200
+MAX_FAILED_CHECKS_IN_MARKDOWN_SUMMARY = 200
 """Greatest number of failed checks that the Markdown summary shows. Chosen by hand."""
 
 Document = dict[str, Any]
@@ -195,7 +195,7 @@ def _print_evaluation(
     if system_rows:
         console.print_summary("")
         console.print_summary("The other system and cwcli")
-        console.print_summary(format_table(SYSTEM_TABLE_HEADINGS, system_rows))
+        console.print_summary(format_table(OTHER_SYSTEM_METRICS_TABLE_HEADINGS, system_rows))
     for log in [log for log in run.logs if log.error][:MAX_SHOWN_FAILURES]:
         console.print_note(f"{log.id} failed: {log.error}")
     for note, ids in _log_ids_by_note(run).items():
@@ -328,11 +328,11 @@ def _format_markdown_summary(
                 markdown.format_code(check.log) if check.log else "all",
                 "<br>".join((markdown.format_code(check.detail), *_warning_links(addresses, result.gate, check))),
             )
-            for result, check in checks[:MAX_MARKDOWN_ROWS]
+            for result, check in checks[:MAX_FAILED_CHECKS_IN_MARKDOWN_SUMMARY]
         ]
         parts.append(markdown.format_markdown_table(("failed gate", "log", "because"), cells))
-        if len(checks) > MAX_MARKDOWN_ROWS:
-            parts.append(f"and {len(checks) - MAX_MARKDOWN_ROWS} more")
+        if len(checks) > MAX_FAILED_CHECKS_IN_MARKDOWN_SUMMARY:
+            parts.append(f"and {len(checks) - MAX_FAILED_CHECKS_IN_MARKDOWN_SUMMARY} more")
     shown = [row for name, row in pooled.items() if _is_shown_by_default(name)]
     metric_rows = [
         (
@@ -360,7 +360,7 @@ def _format_markdown_summary(
     )
     system_rows = [(markdown.format_code(str(name)), *cells) for name, *cells in _system_metric_rows(pooled)]
     if system_rows:
-        parts.append(markdown.format_markdown_table(SYSTEM_TABLE_HEADINGS, system_rows))
+        parts.append(markdown.format_markdown_table(OTHER_SYSTEM_METRICS_TABLE_HEADINGS, system_rows))
     return "\n\n".join(parts) + "\n"
 
 

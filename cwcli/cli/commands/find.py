@@ -33,7 +33,7 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 MAX_SHOWN_EVENTS = 50
 """Largest number of events that the terminal shows; chosen by hand, the others are in the table and in --json."""
-MIN_COLUMNS_OF_ONE_TABLE = 130
+MIN_TERMINAL_WIDTH_FOR_ONE_LINE_EVENTS_COLUMNS = 130
 """Least width of a terminal, in columns, that shows severity and id of an event in the line of what happened. Chosen by
 hand, so that the sentence keeps half a line."""
 MAX_CLIP_MARGIN_S = 3600.0
@@ -214,7 +214,7 @@ def _print_search(console: Console, search: FleetSearch, listed: tuple[FoundEven
             "severity (1: at threshold)",
             "event id",
         )
-        if (terminal_width() or 0) >= MIN_COLUMNS_OF_ONE_TABLE:
+        if (terminal_width() or 0) >= MIN_TERMINAL_WIDTH_FOR_ONE_LINE_EVENTS_COLUMNS:
             console.print_summary(format_table(head, rows))
         else:
             console.print_summary(format_table(head[:6], [row[:6] for row in rows]) + "\n")

@@ -143,7 +143,7 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
         UsageError: An answer is none of its choices.
     """
     from cwcli.importing.mapping import (
-        VALUES_BY_ANSWER,
+        ALLOWED_VALUES_BY_ANSWER,
         merge_answers,
         parse_table_quantity_and_column_unit,
         read_mapping,
@@ -151,8 +151,8 @@ def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None)
     from cwcli.importing.tables import Answers
 
     for option, value, known in (
-        ("--date-order", options.date_order, VALUES_BY_ANSWER["date_order"]),
-        ("--decimal", options.decimal, VALUES_BY_ANSWER["decimal"]),
+        ("--date-order", options.date_order, ALLOWED_VALUES_BY_ANSWER["date_order"]),
+        ("--decimal", options.decimal, ALLOWED_VALUES_BY_ANSWER["decimal"]),
     ):
         if value is not None and value not in known:
             raise UsageError(f"{option} {value}: it must be one of {join_names(list(known))}")

@@ -41,7 +41,7 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 
 Document = dict[str, Any]
-MAX_LISTED_NAMES = 100
+MAX_NAMED_ATTACHMENTS_OR_METADATA_RECORDS = 100
 """Largest number of attachments or metadata records that are named; chosen by hand."""
 MAX_LOG_FACT_CHARACTERS = 5000
 """Longest text of one fact about a log, in characters; chosen by hand."""
@@ -432,12 +432,17 @@ def _log_facts(document: Document) -> list[tuple[str, str]]:
                 "attachments",
                 join_first_names_and_count_rest(
                     [f"{each['name']} ({format_byte_size(each['size_bytes'])})" for each in document["attachments"]],
-                    MAX_LISTED_NAMES,
+                    MAX_NAMED_ATTACHMENTS_OR_METADATA_RECORDS,
                 ),
             )
         )
     if document["metadata"]:
-        facts.append(("metadata", join_first_names_and_count_rest(document["metadata"], MAX_LISTED_NAMES)))
+        facts.append(
+            (
+                "metadata",
+                join_first_names_and_count_rest(document["metadata"], MAX_NAMED_ATTACHMENTS_OR_METADATA_RECORDS),
+            )
+        )
     return facts
 
 

@@ -48,7 +48,7 @@ class PaperEntry:
     has_labelled: bool = False
 
 
-PAPERS: dict[str, PaperEntry] = {
+REPRODUCTION_BY_PAPER_NAME: dict[str, PaperEntry] = {
     "song2016": PaperEntry("cwcli.reproduction.song2016.reproduce:reproduce_song2016", 100),
     "xiang2019": PaperEntry("cwcli.reproduction.xiang2019.report:reproduce_xiang2019", 1000),
     "zhang2011": PaperEntry("cwcli.reproduction.zhang2011.reproduce:reproduce_zhang2011", 20, 500, has_labelled=True),
@@ -57,7 +57,7 @@ PAPERS: dict[str, PaperEntry] = {
 
 
 def _complete_papers(incomplete: str) -> list[str]:
-    return [name for name in PAPERS if name.startswith(incomplete)]
+    return [name for name in REPRODUCTION_BY_PAPER_NAME if name.startswith(incomplete)]
 
 
 def _find_figures(paper: str, only: list[str]) -> tuple[str, ...]:
@@ -86,7 +86,7 @@ class ReproductionOptions:
         typer.Option(
             "--seeds",
             metavar="N",
-            show_default=", ".join(f"{name}: {entry.seeds}" for name, entry in PAPERS.items()),
+            show_default=", ".join(f"{name}: {entry.seeds}" for name, entry in REPRODUCTION_BY_PAPER_NAME.items()),
             help="Seeds of each scenario; a note says where fewer are used.",
         ),
     ] = None
@@ -98,7 +98,9 @@ class ReproductionOptions:
         typer.Option(
             "--frames",
             metavar="N",
-            show_default=", ".join(f"{name}: {entry.frames}" for name, entry in PAPERS.items() if entry.frames),
+            show_default=", ".join(
+                f"{name}: {entry.frames}" for name, entry in REPRODUCTION_BY_PAPER_NAME.items() if entry.frames
+            ),
             help="Frames to judge in each rendered set.",
         ),
     ] = None
@@ -225,7 +227,12 @@ def _letters_and_digits(text: str) -> str:
 
 def command(
     paper: Annotated[
-        str, typer.Argument(metavar="PAPER", autocompletion=_complete_papers, help=f"The paper: {', '.join(PAPERS)}.")
+        str,
+        typer.Argument(
+            metavar="PAPER",
+            autocompletion=_complete_papers,
+            help=f"The paper: {', '.join(REPRODUCTION_BY_PAPER_NAME)}.",
+        ),
     ],
     talk: TalkOptions,
     options: ReproductionOptions,
@@ -236,10 +243,11 @@ def command(
     Each number gets a class with the reason: reproduced, fitted, follows, within own bound, better, differs, not
     determinable or not in the paper. The exit code is 1 if a class that is claimed is not reached.
     """
-    entry = PAPERS.get(paper)
+    entry = REPRODUCTION_BY_PAPER_NAME.get(paper)
     if entry is None:
         raise UsageError(
-            f"there is no reproduction of '{paper}'", hint=hint_at_closest_or_all_known_names(paper, PAPERS)
+            f"there is no reproduction of '{paper}'",
+            hint=hint_at_closest_or_all_known_names(paper, REPRODUCTION_BY_PAPER_NAME),
         )
     n_seeds = entry.seeds if options.seeds is None else options.seeds
     n_frames = entry.frames if options.frames is None else options.frames

@@ -20,7 +20,7 @@ from cwcli.cli.pipeline import Job, run_write_and_print
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.pipeline.channel_choice import ChannelChoice
-from cwcli.pipeline.execute import WRITE_ALL_CHANNELS, SkipRules
+from cwcli.pipeline.execute import DEFAULT_CHOICE_OF_ALL_WRITTEN_CHANNELS, SkipRules
 from cwcli.stages import DEFAULT_STAGES, STAGES
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ class AllOptions:
             **{name: options.option_values() for name, options in self.options_of_stages.items()},
         }
 
-    def fleet_plan(self, *, replace: bool, choice: ChannelChoice = WRITE_ALL_CHANNELS) -> FleetPlan:
+    def fleet_plan(self, *, replace: bool, choice: ChannelChoice = DEFAULT_CHOICE_OF_ALL_WRITTEN_CHANNELS) -> FleetPlan:
         """Make the plan of a run over many logs."""
         from cwcli.fleet.plan import FleetPlan
 

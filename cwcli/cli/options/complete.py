@@ -12,7 +12,7 @@ from typing import Any
 
 from cwcli.cli.options import lazy_typer as typer
 
-BASH_COMPLETION = "complete_bash"
+BASH_COMPLETION_REQUEST_VALUE = "complete_bash"
 """Value of Typer's variable that asks for bash completions."""
 MAX_OFFERED_TOPICS = 500
 """Largest number of topics that are offered; chosen by hand."""
@@ -95,7 +95,7 @@ def run_completion_with_bash_equals_fix(complete: Callable[[], object]) -> None:
 
     Bash then replaces only the text after the `=`, so only that part of each offer is printed.
     """
-    if os.environ.get("_CWCLI_COMPLETE") != BASH_COMPLETION or not _join_words_split_at_equals():
+    if os.environ.get("_CWCLI_COMPLETE") != BASH_COMPLETION_REQUEST_VALUE or not _join_words_split_at_equals():
         complete()
         return
     captured = io.StringIO()

@@ -28,7 +28,7 @@ class _PlainCoercion:
         plain = coerce_plain_value(self._annotation, value)
         if is_non_finite(plain):
             raise typer.BadParameter(f"{value} is not a finite number")
-        if plain is not LEFT_TO_TYPER and is_within_bounds(plain, self._info.min, self._info.max):
+        if plain is not VALUE_FOR_TYPER_TO_CONVERT and is_within_bounds(plain, self._info.min, self._info.max):
             return plain
         self._parameter._runtime_param = None
         full = self._parameter.get_runtime_param()
@@ -45,7 +45,7 @@ class _PlainCoercion:
             raise typer.BadParameter(what, ctx=ctx, param=param) from error
 
 
-LEFT_TO_TYPER = object()
+VALUE_FOR_TYPER_TO_CONVERT = object()
 """Marks a value that is left to Typer's conversion."""
 _DESCRIPTION_BY_VALUE_TYPE = {
     int: "a whole number",
@@ -80,22 +80,22 @@ def coerce_plain_value(annotation: Any, value: Any) -> Any:
     if annotation is str and isinstance(value, str):
         return value
     if annotation == list[str] and isinstance(value, (list, tuple)):
-        return list(value) if all(isinstance(item, str) for item in value) else LEFT_TO_TYPER
+        return list(value) if all(isinstance(item, str) for item in value) else VALUE_FOR_TYPER_TO_CONVERT
     if get_origin(annotation) is Literal and value in get_args(annotation):
         return value
     if annotation in (int, float):
         return _coerce_plain_number(annotation, value)
-    return LEFT_TO_TYPER
+    return VALUE_FOR_TYPER_TO_CONVERT
 
 
 def _coerce_plain_number(kind: type[int] | type[float], value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
-        return LEFT_TO_TYPER
+        return VALUE_FOR_TYPER_TO_CONVERT
     try:
         result = kind(value)
     except (ValueError, OverflowError):
-        return LEFT_TO_TYPER
-    return result if kind is float or str(result) == str(value) else LEFT_TO_TYPER
+        return VALUE_FOR_TYPER_TO_CONVERT
+    return result if kind is float or str(result) == str(value) else VALUE_FOR_TYPER_TO_CONVERT
 
 
 def is_non_finite(value: Any) -> bool:

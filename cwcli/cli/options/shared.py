@@ -23,7 +23,7 @@ BYTES_PER_MEGABYTE = 1_000_000
 """Bytes in a megabyte, as `--max-chunk` counts."""
 BYTES_PER_GIGABYTE = 1_000_000_000
 """Bytes in a gigabyte, as `--max-input` counts."""
-DEFAULT_MAX_CHUNK_MB, DEFAULT_MAX_RATIO, DEFAULT_MAX_INPUT_GB = 256, 64, 64
+DEFAULT_MAX_CHUNK_MB, DEFAULT_MAX_UNPACKED_TO_LOG_SIZE_RATIO, DEFAULT_MAX_INPUT_GB = 256, 64, 64
 """Defaults of `--max-chunk` in MB, `--max-ratio` as a factor, and `--max-input` in GB; chosen by hand."""
 DEFAULT_TIMEOUT_S = 60.0
 """Default of `--timeout` in seconds; chosen by hand."""
@@ -199,7 +199,7 @@ class ReadingOptions(LogLimits):
         bool, typer.Option("--recover", help="Read the intact parts of a damaged log and report how much was lost.")
     ] = False
     max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
-    max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
+    max_ratio: MaxRatioOption = DEFAULT_MAX_UNPACKED_TO_LOG_SIZE_RATIO
     max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S
     strict: Annotated[
@@ -234,7 +234,7 @@ class LimitOptions(LogLimits):
         bool, typer.Option("--recover", help="Read the intact parts of damaged logs and report how much was lost.")
     ] = False
     max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
-    max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
+    max_ratio: MaxRatioOption = DEFAULT_MAX_UNPACKED_TO_LOG_SIZE_RATIO
     max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S
 

@@ -21,13 +21,13 @@ from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.signals.units import KMH_PER_MPS
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
-DEMANDS = ("impact_speed", "r157")
+NUMBERS_THAT_JUDGE_NEEDS = ("impact_speed", "r157")
 """Names of the numbers that it asks for."""
-USES_POLICY = True
+VERDICT_DEPENDS_ON_BRAKING_POLICY = True
 """True says that its verdict depends on how the warned car brakes."""
 WARNING_SEARCH_TIME_BEFORE_CONTACT_S = 8.0
 """Time before the contact from which on the latest warning is sought, s. Chosen by hand: no car needs longer."""
-COARSE_STEP_S, SEARCH_STEP_S = 0.4, 0.02
+COARSE_LATEST_WARNING_SEARCH_STEP_S, FINE_LATEST_WARNING_SEARCH_STEP_S = 0.4, 0.02
 """Time steps of the search for the latest warning, s: a coarse one, and a fine one within it. Chosen by hand."""
 REGULATION_DRIVER_TIME_STEP_S = 0.1
 """Time step of the regulation's driver, s; that of its criterion."""
@@ -48,7 +48,10 @@ def _find_latest_warning_s(encounter: Encounter, policy: str, limit_mps: float) 
         encounter.contact_s,
     )
     latest_s = math.nan
-    for step_s in (COARSE_STEP_S, SEARCH_STEP_S):  # a later warning never lessens the impact
+    for step_s in (
+        COARSE_LATEST_WARNING_SEARCH_STEP_S,
+        FINE_LATEST_WARNING_SEARCH_STEP_S,
+    ):  # a later warning never lessens the impact
         times_s = np.arange(begin_s, end_s, step_s)
         too_late = np.flatnonzero(impact_speeds_with_policy_mps(encounter, policy, times_s) > limit_mps + 1e-9)
         last = int(too_late[0]) - 1 if len(too_late) else len(times_s) - 1

@@ -19,9 +19,9 @@ from cwcli.conformance.policies import NO_BRAKING_POLICY, drive_with_policy
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.signals.units import KMH_PER_MPS
 
-DEMANDS = ("lead_time", "deceleration", "impact_speed")
+NUMBERS_THAT_JUDGE_NEEDS = ("lead_time", "deceleration", "impact_speed")
 """Names of the numbers that it asks for."""
-USES_POLICY = True
+VERDICT_DEPENDS_ON_BRAKING_POLICY = True
 """True says that its verdict depends on how the warned car brakes."""
 
 

@@ -14,7 +14,7 @@ from cwcli.conformance.lane_trials import LaneDrift
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.errors import UsageError
 
-DEMANDS = ("latest_outside", "earliest_slow", "earliest_time", "earliest_fast")
+NUMBERS_THAT_JUDGE_NEEDS = ("latest_outside", "earliest_slow", "earliest_time", "earliest_fast")
 """Names of the numbers that it asks for."""
 
 

@@ -20,7 +20,7 @@ from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 from cwcli.signals.columns import FloatArray
 
-DEMANDS = ("reaction_time", "required_deceleration", "longest_ttc")
+NUMBERS_THAT_JUDGE_NEEDS = ("reaction_time", "required_deceleration", "longest_ttc")
 """Names of the numbers that it asks for."""
 
 

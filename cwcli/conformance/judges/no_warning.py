@@ -6,7 +6,7 @@ import math
 
 from cwcli.conformance.verdict import DrivenTrial, Verdict
 
-DEMANDS = ()
+NUMBERS_THAT_JUDGE_NEEDS = ()
 """Names of the numbers that it asks for."""
 
 

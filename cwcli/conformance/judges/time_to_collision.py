@@ -11,7 +11,7 @@ import math
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 
-DEMANDS = ("ttc", "ttc_with_accelerations")
+NUMBERS_THAT_JUDGE_NEEDS = ("ttc", "ttc_with_accelerations")
 """Names of the numbers that it asks for."""
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from cwcli.conformance.encounter import Encounter
 from cwcli.conformance.verdict import DrivenTrial, Verdict, WarningWindow, judge_by_window
 
-DEMANDS = ("shortest_ttc", "longest_ttc", "to_contact")
+NUMBERS_THAT_JUDGE_NEEDS = ("shortest_ttc", "longest_ttc", "to_contact")
 """Names of the numbers that it asks for."""
 
 

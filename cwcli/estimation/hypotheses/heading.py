@@ -20,7 +20,7 @@ def _angle_convention_hypothesis(name: str, fault: str, sign: float, quarter_tur
     )
 
 
-HEADING_HYPOTHESES = (
+HEADING_UNIT_AND_CONVENTION_HYPOTHESES = (
     _unit_hypothesis("degrees", "is in degrees, not radians", math.pi / 180.0),
     _unit_hypothesis("milliradians", "is in milliradians, not radians", 1e-3),
     _unit_hypothesis("gradians", "is in gradians, not radians", math.pi / 200.0),

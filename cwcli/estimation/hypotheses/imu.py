@@ -84,7 +84,12 @@ IMU_SIGN_HYPOTHESES = (
 """Two hypotheses: that the accelerometer has the wrong sign, and that the gyroscope has."""
 IMU_AXES_HYPOTHESES = tuple(imu_axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])
 """The 23 rotations onto axes besides the right one."""
-IMU_HYPOTHESES = (*ACCEL_UNIT_HYPOTHESES, *GYRO_UNIT_HYPOTHESES, *IMU_SIGN_HYPOTHESES, *IMU_AXES_HYPOTHESES)
+IMU_UNIT_SIGN_AND_AXES_HYPOTHESES = (
+    *ACCEL_UNIT_HYPOTHESES,
+    *GYRO_UNIT_HYPOTHESES,
+    *IMU_SIGN_HYPOTHESES,
+    *IMU_AXES_HYPOTHESES,
+)
 """Hypotheses on units, signs and axes of a source of `Kind.IMU`."""
 
 

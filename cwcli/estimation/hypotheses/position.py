@@ -13,7 +13,7 @@ def _axes_hypothesis(
 
 MIRRORED_MAP_FAULT_ENDING = "with the wrong sign, unless all that measures turns has it"
 """End of the fault of a mirrored map: relative motion does not tell it from mirrored headings and turn rates."""
-POSITION_HYPOTHESES = (
+POSITION_AXES_HYPOTHESES = (
     _axes_hypothesis("north-east", "has north before east", "axes exchanged", (0.0, 1.0), (1.0, 0.0)),
     _axes_hypothesis(
         "west-north", f"has its longitude or east {MIRRORED_MAP_FAULT_ENDING}", "mirrored", (-1.0, 0.0), (0.0, 1.0)

@@ -9,7 +9,7 @@ def _unit_hypothesis(name: str, fault: str, mps_per_unit: float) -> Hypothesis:
     return Hypothesis.of_scalar(name, "unit", fault, "converted", factor=mps_per_unit)
 
 
-SPEED_HYPOTHESES = (
+SPEED_UNIT_AND_SIGN_HYPOTHESES = (
     _unit_hypothesis("km/h", "is in km/h, not m/s", 1.0 / 3.6),
     _unit_hypothesis("mph", "is in miles/h, not m/s", 0.44704),
     _unit_hypothesis("knots", "is in knots, not m/s", 1852.0 / 3600.0),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cwcli.estimation.hypotheses.base import Hypothesis
-from cwcli.estimation.hypotheses.speed import SPEED_HYPOTHESES
+from cwcli.estimation.hypotheses.speed import SPEED_UNIT_AND_SIGN_HYPOTHESES
 from cwcli.lazy_dataclass import replace
 
 ZERO_VELOCITY_OFFSET = (0.0, 0.0)
@@ -14,10 +14,10 @@ def _axes_hypothesis(name: str, fault: str, east: tuple[float, float], north: tu
     return Hypothesis(name, "axes", fault, "axes exchanged", (east, north), ZERO_VELOCITY_OFFSET)
 
 
-VELOCITY_HYPOTHESES = (
+VELOCITY_UNIT_AND_AXES_HYPOTHESES = (
     *(
         replace(each, matrix=((each.matrix[0][0], 0.0), (0.0, each.matrix[0][0])), offset=ZERO_VELOCITY_OFFSET)
-        for each in SPEED_HYPOTHESES
+        for each in SPEED_UNIT_AND_SIGN_HYPOTHESES
         if each.group == "unit"
     ),
     _axes_hypothesis("north-east", "has north before east", (0.0, 1.0), (1.0, 0.0)),

@@ -6,7 +6,7 @@ import math
 
 from cwcli.estimation.hypotheses.base import Hypothesis
 
-YAW_RATE_HYPOTHESES = (
+YAW_RATE_UNIT_AND_SIGN_HYPOTHESES = (
     Hypothesis.of_scalar("degrees/s", "unit", "is in degrees/s, not rad/s", "converted", factor=math.pi / 180.0),
     Hypothesis.of_scalar("milliradians/s", "unit", "is in milliradians/s, not rad/s", "converted", factor=1e-3),
     Hypothesis.of_scalar(

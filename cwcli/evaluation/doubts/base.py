@@ -8,7 +8,7 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.vehicle_state import StateFlag
 
-WHOLE_LOG_WORDS = "In the whole drive, of which this log is a part, "
+WHOLE_DRIVE_SENTENCE_BEGINNING = "In the whole drive, of which this log is a part, "
 """Begins the sentence of a doubt that rests on counts over more than the log holds."""
 
 
@@ -90,7 +90,7 @@ class DoubtRule:
         """Return the doubts of this rule; of a part of a log, only those that may concern it."""
         if evidence.is_part and self.flag is not None and not evidence.has_state_flagged(self.flag):
             return []
-        whole = WHOLE_LOG_WORDS if evidence.is_part and self.is_of_whole_log else ""
+        whole = WHOLE_DRIVE_SENTENCE_BEGINNING if evidence.is_part and self.is_of_whole_log else ""
         return [
             Doubt(
                 name,

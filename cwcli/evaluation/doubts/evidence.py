@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import FLAGGED_KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
+from cwcli.channels.vehicle_state import KINEMATIC_AND_FLAG_FIELDS, VehicleStates, read_vehicle_states
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import (
@@ -98,7 +98,7 @@ def read_evidence(log: Log) -> DoubtEvidence:
     """
     ego = None
     if any(channel.topic == EGO_STATE.topic for channel in log.channels):
-        columns = log.columns(EGO_STATE.topic, FLAGGED_KINEMATIC_FIELDS)
+        columns = log.columns(EGO_STATE.topic, KINEMATIC_AND_FLAG_FIELDS)
         ego = read_vehicle_states(columns, with_covariance=False) if len(columns) else None
     return DoubtEvidence(read_run_records(log), ego, log.start_ns, log.end_ns, log.faults.counts_by_reason())
 

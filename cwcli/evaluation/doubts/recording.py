@@ -15,7 +15,7 @@ from cwcli.pipeline.records import read_finite_number_or_nan, read_input_counts,
 from cwcli.signals.units import NS_PER_S
 from cwcli.text import format_duration, shorten_and_escape
 
-MAX_UNDOUBTED_HOLE_H = 24.0
+MAX_UNDOUBTED_TIME_WITHOUT_CAR_STATE_H = 24.0
 """Longest time in h within a log without a state of the car. Chosen by hand: a drive is shorter than a day."""
 
 
@@ -27,7 +27,7 @@ def find_holes_in_log_times(evidence: DoubtEvidence) -> Iterator[Finding]:
     inner = evidence.ego.stamp_ns[(evidence.ego.stamp_ns >= first_ns) & (evidence.ego.stamp_ns <= last_ns)]
     stamps_s = np.concatenate([[0.0], np.sort(inner - first_ns) / NS_PER_S, [(last_ns - first_ns) / NS_PER_S]])
     hole_s = float(np.diff(stamps_s).max())
-    if hole_s > MAX_UNDOUBTED_HOLE_H * 3600.0:
+    if hole_s > MAX_UNDOUBTED_TIME_WITHOUT_CAR_STATE_H * 3600.0:
         length = format_duration((last_ns - first_ns) / NS_PER_S)
         yield Finding(
             hole_s / 3600.0,
@@ -38,7 +38,7 @@ def find_holes_in_log_times(evidence: DoubtEvidence) -> Iterator[Finding]:
 LOG_TIME_HOLES_RULE = DoubtRule(
     summary="log times far from the states",
     short_name="log times",
-    threshold=MAX_UNDOUBTED_HOLE_H,
+    threshold=MAX_UNDOUBTED_TIME_WITHOUT_CAR_STATE_H,
     unit="h",
     source="chosen: a drive is shorter than a day",
     advice="Look at the log times with `cwcli info --doctor`, and leave the wrong ones out with --start and --end.",

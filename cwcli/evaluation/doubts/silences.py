@@ -23,7 +23,7 @@ MIN_SILENT_SHARE = 0.1
 because nothing corrects the states there any more."""
 MIN_DRIVING_SPEED_MPS = 1.0
 """Speed in m/s above which a car drives. Chosen: receivers that tell no course at standstill fall silent below it."""
-MAX_COUNTED_STEP_S = 1.0
+MAX_STATE_STEP_COUNTED_AS_DRIVEN_S = 1.0
 """Longest step between two states, s, that counts as driven. Chosen by hand: states are 20 a second."""
 SILENCES_RECORD_KEY = "silences"
 """Entry of the record of `estimate` that holds the silences as JSON (`cwcli.evaluation.silent_sources`)."""
@@ -52,7 +52,7 @@ def _doubtful_silences(evidence: DoubtEvidence) -> Iterator[tuple[dict[str, Any]
         return
     ego = evidence.ego.sort_by_stamp_without_repeats()
     step_s = np.diff(ego.stamp_ns) / NS_PER_S
-    step_s[step_s > MAX_COUNTED_STEP_S] = 0.0
+    step_s[step_s > MAX_STATE_STEP_COUNTED_AS_DRIVEN_S] = 0.0
     driven_s = np.where(np.abs(ego.state[:-1, SPEED]) > MIN_DRIVING_SPEED_MPS, step_s, 0.0)
     for each in recorded:
         if not isinstance(each, dict):

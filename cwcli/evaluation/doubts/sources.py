@@ -38,7 +38,7 @@ CONTRADICTION_RULE = DoubtRule(
 
 MIN_CORRECTIONS_FOR_DOUBT = 1
 """Number of corrected sources from which the estimate is doubted. Chosen by hand: the user should see every one."""
-ADVICE_WITH_AN_OPTION = "Check that sensor, or mend the recording; {}."
+ADVICE_NAMING_OPTION_THAT_UNDOES_CORRECTION = "Check that sensor, or mend the recording; {}."
 """The advice where the recorded sentence names the option that undoes the correction."""
 EVIDENCE_PATTERN = r" \((?P<evidence>[^()]*); (?P<option>--trust \S+ leaves it unchanged)\)\.?$"
 """The end of the recorded sentence: what shows the fault, and the option (`cwcli.estimation.correction`)."""
@@ -58,7 +58,7 @@ def find_corrected_sources(evidence: DoubtEvidence) -> Iterator[Finding]:
         yield Finding(
             float(len(found)),
             name_sources_in_words(f"{sentence[: end.start()]} ({shown})"),
-            ADVICE_WITH_AN_OPTION.format(shorten_and_escape(end["option"])),
+            ADVICE_NAMING_OPTION_THAT_UNDOES_CORRECTION.format(shorten_and_escape(end["option"])),
         )
 
 

@@ -46,7 +46,7 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
             if rule["text"] not in reported:
                 reported.add(rule["text"])
                 names = [each for each, other in rules.items() if other.get("text") == rule["text"]]
-                yield _finding_of_truth_rule(names, rule, nees)
+                yield _finding_that_truth_differs_systematically(names, rule, nees)
         else:
             size = _truth_error_text_or_empty(evidence, name)
             yield Finding(
@@ -57,7 +57,7 @@ def find_understated_errors(evidence: DoubtEvidence) -> Iterator[Finding]:
             )
 
 
-def _finding_of_truth_rule(names: Sequence[str], rule: Mapping[str, Any], nees: float) -> Finding:
+def _finding_that_truth_differs_systematically(names: Sequence[str], rule: Mapping[str, Any], nees: float) -> Finding:
     """Return the finding that a truth differs from the track by one rule, which is no fault of the covariance."""
     left = math.sqrt(max(read_finite_number_or_nan(rule, "nees_per_dof"), 0.0))
     return Finding(
@@ -90,12 +90,12 @@ UNDERSTATED_ERRORS_RULE = DoubtRule(
 )
 
 
-MAX_TOTAL_STANDSTILL_S = 5.0
+MAX_UNDOUBTED_STANDSTILL_WITHOUT_HEADING_SENSOR_S = 5.0
 """Greatest total time of standstill in a log, s, up to which a missing sensor of the heading is not doubted. Chosen by
 hand: one or two stops at a sign take less."""
 MAX_STANDSTILL_SPEED_MPS = 0.3
 """Speed in m/s below which a car stands. Chosen: fixes that scatter by 0.1 m look as fast."""
-MAX_STANDSTILL_STEP_S = 1.0
+MAX_STATE_STEP_COUNTED_AS_STANDING_S = 1.0
 """Longest step between two states, s, that counts as standing. Chosen by hand; not fitted."""
 HEADING_QUANTITIES = frozenset({"heading", "yaw_rate"})
 """Quantities that tell the heading, or keep it, at standstill."""
@@ -108,10 +108,10 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
         return
     ego = evidence.ego.sort_by_stamp_without_repeats()
     step_s = np.diff(ego.stamp_ns) / NS_PER_S
-    counted = step_s <= MAX_STANDSTILL_STEP_S
+    counted = step_s <= MAX_STATE_STEP_COUNTED_AS_STANDING_S
     is_standing = np.abs(ego.state[:-1, SPEED]) < MAX_STANDSTILL_SPEED_MPS
     standing_s, all_s = float(step_s[is_standing & counted].sum()), float(step_s[counted].sum())
-    if standing_s > MAX_TOTAL_STANDSTILL_S:
+    if standing_s > MAX_UNDOUBTED_STANDSTILL_WITHOUT_HEADING_SENSOR_S:
         yield Finding(
             standing_s,
             f"No sensor measures which way the car points while it stands ({format_duration(standing_s)}, "
@@ -122,7 +122,7 @@ def find_unobserved_heading(evidence: DoubtEvidence) -> Iterator[Finding]:
 UNOBSERVED_HEADING_RULE = DoubtRule(
     summary="a standstill without a sensor of heading or yaw rate",
     short_name="heading at standstill",
-    threshold=MAX_TOTAL_STANDSTILL_S,
+    threshold=MAX_UNDOUBTED_STANDSTILL_WITHOUT_HEADING_SENSOR_S,
     unit="s",
     source="chosen: a stop at a sign is shorter",
     advice="Do not use headings and predicted paths while the car stands.",

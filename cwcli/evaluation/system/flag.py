@@ -12,7 +12,7 @@ from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.tree import UndecodableMessage
 from cwcli.logs.read.reader import Log
-from cwcli.signals.clocks import MIN_OTHER_CLOCK_OFFSET_S
+from cwcli.signals.clocks import MIN_STAMP_TO_LOG_TIME_OFFSET_OF_TWO_CLOCKS_S
 from cwcli.signals.columns import Columns, FirstAndLastNs, Int64Array, Strings, median_of_values
 from cwcli.signals.field_condition import Condition, MissingValue, meets_condition, value_at_path
 from cwcli.signals.leaf_fields import read_stamps
@@ -142,7 +142,7 @@ def _clock_shift_ns_and_notes(columns: Columns, topic: str) -> tuple[int, list[s
     if not has_stamp.any():
         return 0, []
     shift_ns = int(median_of_values(stamp_ns[has_stamp] - columns.log_time_ns[has_stamp]))
-    if abs(shift_ns) <= MIN_OTHER_CLOCK_OFFSET_S * NS_PER_S:
+    if abs(shift_ns) <= MIN_STAMP_TO_LOG_TIME_OFFSET_OF_TWO_CLOCKS_S * NS_PER_S:
         return 0, []
     return shift_ns, [
         f"{topic}: its stamps are {shift_ns / NS_PER_S:+.3f} s from its log times: two clocks; its warnings are placed "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from cwcli.errors import MissingSignalError
 from cwcli.evaluation.actual_outcomes import find_actual_outcomes
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import SYSTEM, comparison_label, online_or_hindsight_of_ego_states
+from cwcli.evaluation.knowledge import OTHER_SYSTEM, comparison_label, online_or_hindsight_of_ego_states
 from cwcli.evaluation.system.flag import read_flag_from_topic
 from cwcli.evaluation.system.path import add_planned_path_errors_at_horizons
 from cwcli.evaluation.system.state import add_ego_state_errors_and_place_frame
@@ -43,7 +43,7 @@ def _add_warning_metrics(context: EvaluationContext) -> None:
     flag = read_flag_from_topic(log, system.warning, system.condition)
     context.notes.extend(flag.notes)
     with context.headline.label_rows_with_states(
-        comparison_label(SYSTEM, online_or_hindsight_of_ego_states(read_run_records(log)))
+        comparison_label(OTHER_SYSTEM, online_or_hindsight_of_ego_states(read_run_records(log)))
     ):
         add_warning_scores(
             context.headline, "system.warnings", judge_flag_warnings(flag.warning_spans_ns(), real).scores

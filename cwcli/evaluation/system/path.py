@@ -10,7 +10,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import HINDSIGHT, SYSTEM, TRUTH, comparison_label
+from cwcli.evaluation.knowledge import HINDSIGHT, OTHER_SYSTEM, TRUTH, comparison_label
 from cwcli.evaluation.predict import (
     ERROR_HORIZONS_S,
     MAX_INTERPOLATED_TRACK_GAP_S,
@@ -81,7 +81,7 @@ def add_planned_path_errors_at_horizons(
         context.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: computed from {how}")
     stamp_ns = signal.stamp_ns[rows]
     paths = _paths_without_covariance(time_s, xy_m)
-    with context.headline.label_rows_with_states(comparison_label(SYSTEM, HINDSIGHT)):
+    with context.headline.label_rows_with_states(comparison_label(OTHER_SYSTEM, HINDSIGHT)):
         states = context.ego.states
         assert states is not None  # or the reference is missing, or a truth that needs them
         errors = path_errors_against_track(
@@ -90,7 +90,7 @@ def add_planned_path_errors_at_horizons(
         add_errors_at_horizons(context.headline, "system.prediction.ego.", [errors])
     if context.ego.truth is not None:
         truth = context.ego.truth
-        with context.headline.label_rows_with_states(comparison_label(SYSTEM, TRUTH)):
+        with context.headline.label_rows_with_states(comparison_label(OTHER_SYSTEM, TRUTH)):
             errors = path_errors_against_track(paths, stamp_ns, truth.stamp_ns, truth.xy, MAX_INTERPOLATED_TRACK_GAP_S)
             add_errors_at_horizons(context.headline, "system.prediction.ego.truth_", [errors])
 

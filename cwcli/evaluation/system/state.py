@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.evaluation.evaluation_context import EvaluationContext
-from cwcli.evaluation.knowledge import SYSTEM, comparison_label
+from cwcli.evaluation.knowledge import OTHER_SYSTEM, comparison_label
 from cwcli.evaluation.reference import EgoMotion, add_motion_errors, find_reference_motion
 from cwcli.evaluation.system.placing import FramePlacement, fit_frame_placement
 from cwcli.evaluation.system.reading import read_signal_of_other_system
@@ -52,7 +52,7 @@ def add_ego_state_errors_and_place_frame(context: EvaluationContext, topic: str)
     placed_states = replace(
         motion, xy_m=placing.points_in_map_m(motion.xy_m), heading_rad=placing.headings_in_map_rad(motion.heading_rad)
     )
-    with context.headline.label_rows_with_states(comparison_label(SYSTEM, reference.knowledge)):
+    with context.headline.label_rows_with_states(comparison_label(OTHER_SYSTEM, reference.knowledge)):
         add_motion_errors(context, "system.ego.", placed_states, reference.motion)
     return frame, placing
 

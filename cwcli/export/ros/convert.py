@@ -26,7 +26,7 @@ from cwcli.signals.columns import OutputChannel, select_column_rows
 from cwcli.signals.geodesy import LocalMap
 from cwcli.version import __version__
 
-ROS_PROFILE = "ros2"
+MCAP_PROFILE_OF_ROS_LOG = "ros2"
 """Profile of an MCAP file that holds ROS 2 messages only."""
 ROS_TOPIC_PREFIX = f"{OWN_TOPIC_PREFIX}ros/"
 """Beginning of converted topics; no command reads topics below it as measurements or as results of a stage."""
@@ -74,7 +74,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     foreign = [
         each
         for each in log.channels
-        if not matches_ros_profile(ROS_PROFILE, each.message_encoding, each.schema_encoding)
+        if not matches_ros_profile(MCAP_PROFILE_OF_ROS_LOG, each.message_encoding, each.schema_encoding)
     ]
     if len(foreign) == len(log.channels) and not any(each.schema_name in ROS_CONVERSIONS for each in foreign):
         raise MissingSignalError(
@@ -115,7 +115,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
             excluded_metadata_names=frozenset(
                 name for name in log.metadata_names if name.startswith(RUN_RECORD_PREFIX)
             ),
-            profile=ROS_PROFILE,
+            profile=MCAP_PROFILE_OF_ROS_LOG,
         ),
     )
     left_out = {each.topic: each.schema_name for each in foreign if each.topic not in known} | unreadable

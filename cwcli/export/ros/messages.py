@@ -49,9 +49,9 @@ POSE_COVARIANCE_SIZE = 36
 """Number of values in the 6 x 6 covariance of x, y, z, roll, pitch and yaw (geometry_msgs/PoseWithCovariance)."""
 YAW_ROW_OF_POSE_COVARIANCE = 5
 """The row and column of yaw in a 6 x 6 covariance of position and rotation (geometry_msgs/PoseWithCovariance)."""
-WARNING_CLEARED = 3
+WARNING_STATE_CLEARED = 3
 """The value of `cwcli.v1.Warning.State` for a cleared warning."""
-LEVEL_OK, LEVEL_WARN = 0, 1
+DIAGNOSTIC_LEVEL_OK, DIAGNOSTIC_LEVEL_WARN = 0, 1
 """The values of OK and WARN for the level of a `diagnostic_msgs/DiagnosticStatus`."""
 ROS_LOG_LEVEL_PER_FOXGLOVE_LEVEL = 10
 """Factor from levels of foxglove.Log (1, 2, ...) to those of rcl_interfaces/Log (10, 20, ...)."""
@@ -65,7 +65,13 @@ NAVSATFIX_COVARIANCE_TYPES = (0, 1, 2, 3)
 """The values of position_covariance_type in sensor_msgs/NavSatFix."""
 ROS_TIME_LIMIT_S = 1 << 31
 """Bound of the seconds in a ROS time, an int32."""
-WARNING_VALUE_FIELDS = ("time_to_event_s", "predicted_distance_m", "ttc_s", "probability", "alert_probability")
+NUMERIC_WARNING_FIELDS_OF_DIAGNOSTIC_STATUS = (
+    "time_to_event_s",
+    "predicted_distance_m",
+    "ttc_s",
+    "probability",
+    "alert_probability",
+)
 """Numeric fields of a warning that become key-value pairs of a diagnostic status."""
 
 
@@ -224,7 +230,7 @@ def _diagnostics_fields(columns: Columns, _map: LocalMap | None) -> Fields:
     stamp_ns, _ = read_integers(columns, "known_ns", "stamp_ns", required=True)
     state = read_integers(columns, "state", required=True)[0]
     event = read_integers(columns, "event_id", required=True)[0]
-    values_by_field = {name: read_numbers(columns, name) for name in WARNING_VALUE_FIELDS}
+    values_by_field = {name: read_numbers(columns, name) for name in NUMERIC_WARNING_FIELDS_OF_DIAGNOSTIC_STATUS}
     values = [
         {
             "event_id": str(event[k]),
@@ -239,7 +245,7 @@ def _diagnostics_fields(columns: Columns, _map: LocalMap | None) -> Fields:
     }
     rule = read_texts(columns, "rule", required=True)
     status: Fields = {
-        "level": np.where(state == WARNING_CLEARED, LEVEL_OK, LEVEL_WARN),
+        "level": np.where(state == WARNING_STATE_CLEARED, DIAGNOSTIC_LEVEL_OK, DIAGNOSTIC_LEVEL_WARN),
         "name": Strings(rule.codes, tuple(f"cwcli warn: {name}" for name in rule.values)),
         "message": read_texts(columns, "message", required=True),
         "hardware_id": read_texts(columns, "other_id", required=True),

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.errors import DataError, InputError, MissingSignalError, UsageError, install_hint
-from cwcli.importing.names import QUANTITIES, quantities_of_name
+from cwcli.importing.names import COLUMN_WORDS_BY_QUANTITY, quantities_of_name
 from cwcli.importing.readers.base import FileHead, ImportKind
 from cwcli.importing.tables import Answers, Question, SourceTable
 from cwcli.importing.text_file import iter_text_lines
@@ -40,7 +40,7 @@ ASC_HEADER_PATTERN = re.compile(
 """A line near the start of an ASC trace."""
 N_ASC_HEAD_LINES = 5
 """Number of lines at the start of an ASC trace in which it tells what its times count from. Chosen by hand."""
-MAX_GAP_BETWEEN_PLACES_S = 1.5
+MAX_INTERPOLATED_LONGITUDE_GAP_S = 1.5
 """Longest gap between two frames of a longitude, s, across which it is put to the times of the latitude. Chosen by
 hand: receivers give a place a second."""
 BLF_MAGIC, TRC_FIRST_WORD = b"LOGG", ";$FILEVERSION"
@@ -130,7 +130,10 @@ def read_message_tables_of_trace(path: str, answers: Answers, kind: str) -> Sequ
 
 
 def _can_be_quantity(name: str) -> bool:
-    return any(QUANTITIES[quantity].kind not in {"time", "text", "number"} for quantity in quantities_of_name(name))
+    return any(
+        COLUMN_WORDS_BY_QUANTITY[quantity].kind not in {"time", "text", "number"}
+        for quantity in quantities_of_name(name)
+    )
 
 
 def _decode_message(message: DbcMessage, frames: FramesOfMessage) -> dict[str, Any]:
@@ -169,7 +172,7 @@ def _pair_places_of_different_frames(tables: list[dict[str, Any]]) -> list[str]:
     if not has_latitude.any() or (latitudes is longitudes and (known & has_latitude).any()):
         return []
     values = interpolate_signal_at_times(
-        stamp_ns[known], longitudes.pop(longitude)[known], latitudes["time"], max_gap_s=MAX_GAP_BETWEEN_PLACES_S
+        stamp_ns[known], longitudes.pop(longitude)[known], latitudes["time"], max_gap_s=MAX_INTERPOLATED_LONGITUDE_GAP_S
     )
     latitudes[longitude] = np.where(has_latitude, values, np.nan)
     return [f"{longitude} is put to the times of {latitude}, between its own frames"]

@@ -28,7 +28,7 @@ from cwcli.simulation.v2x_link import ReceivedMessages
 
 PLANE_ORIGIN_LATITUDE_LONGITUDE_DEG = (52.0, 10.0)
 """Latitude and longitude of the origin of a plane that has no place on the globe, degrees; chosen by hand."""
-MAX_MAGNITUDE_OF_VEHICLE_NUMBER = 1e10
+MAX_MAGNITUDE_OF_VEHICLE_ATTRIBUTE_VALUE = 1e10
 """Greatest size of a time, place, angle or speed of a simulated vehicle. Chosen by hand: ten thousand times the size of
 a map."""
 READ_ATTRIBUTES = ("time", "x", "y", "angle", "speed")
@@ -116,7 +116,7 @@ def _seconds_of_time(text: str) -> float:
 def _complete_row_indices_by_time(rows: FloatArray) -> Int64Array:
     """Return the rows with every value that a message needs, one a time, in the order of time."""
     complete = np.flatnonzero(
-        np.isfinite(rows).all(axis=1) & (np.abs(rows) < MAX_MAGNITUDE_OF_VEHICLE_NUMBER).all(axis=1)
+        np.isfinite(rows).all(axis=1) & (np.abs(rows) < MAX_MAGNITUDE_OF_VEHICLE_ATTRIBUTE_VALUE).all(axis=1)
     )
     stamps = np.rint(rows[complete, 0] * 1e6).astype(np.int64)
     return complete[np.unique(stamps, return_index=True)[1]]

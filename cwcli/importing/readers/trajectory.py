@@ -222,9 +222,9 @@ def _accepts_kitti_file(head: FileHead) -> bool:
     return bool((np.abs(volume - 1.0) < MAX_ROTATION_DETERMINANT_ERROR).all())
 
 
-TUM = ImportKind("TUM trajectories", (".tum", ".txt"), _accepts_tum_file, read_tum_poses)
+TUM_TRAJECTORY_IMPORT_KIND = ImportKind("TUM trajectories", (".tum", ".txt"), _accepts_tum_file, read_tum_poses)
 """The description of TUM's trajectories: `time x y z qx qy qz qw`, a line each."""
-KITTI = ImportKind(
+KITTI_POSES_IMPORT_KIND = ImportKind(
     "KITTI poses, with a file of times or a rate", (".txt", ".kitti"), _accepts_kitti_file, read_kitti_poses
 )
 """The description of KITTI's poses: the upper three rows of a pose matrix a line, without times."""

@@ -38,9 +38,9 @@ MAX_UBX_MESSAGE_BYTES = UBX_MESSAGE_HEAD_STRUCT.size + 0xFFFF + UBX_CHECKSUM_BYT
 """The greatest length of a message."""
 BYTES_READ_AT_ONCE = 1 << 20
 """Number of bytes that are read at a time, 1 MiB. Chosen by hand."""
-DATE_AND_TIME_VALID, FIX_OK_FLAG_BIT = 0b11, 0b1
+DATE_AND_TIME_VALID_FLAG_BITS, FIX_OK_FLAG_BIT = 0b11, 0b1
 """The bits of the fields valid and flags that say that date, time and fix can be used."""
-LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX = 0, 5
+FIX_TYPE_OF_NO_FIX, FIX_TYPE_OF_TIME_ONLY_FIX = 0, 5
 """Values of the field fixType of NAV-PVT that have no position: no fix, and time only (u-blox protocol
 specification)."""
 PRESET_BY_COLUMN = {
@@ -142,10 +142,10 @@ def _append_solution_or_count(rows: list[tuple[float, ...]], counts: Counter[str
     year, month, day, hour, minute, second, valid, nano, fix, flags, lon, lat, height, _, north, east = (
         NAV_PVT_PAYLOAD_STRUCT.unpack_from(payload)
     )
-    if valid & DATE_AND_TIME_VALID != DATE_AND_TIME_VALID:
+    if valid & DATE_AND_TIME_VALID_FLAG_BITS != DATE_AND_TIME_VALID_FLAG_BITS:
         counts["no time"] += 1
         return
-    if fix in {LAST_FIX_WITHOUT_POSITION, TIME_ONLY_FIX} or not flags & FIX_OK_FLAG_BIT:
+    if fix in {FIX_TYPE_OF_NO_FIX, FIX_TYPE_OF_TIME_ONLY_FIX} or not flags & FIX_OK_FLAG_BIT:
         counts["no fix"] += 1
         return
     try:

@@ -27,7 +27,7 @@ from cwcli.signals.units import NS_PER_DAY, NS_PER_S
 
 DATE_LINE_PATTERN = re.compile(r"File created on (\d{1,2})/(\d{1,2})/(\d{4})")
 """The first line; the day comes first."""
-YEARS = range(1970, 2100)
+ACCEPTED_YEARS_OF_DATE = range(1970, 2100)
 """Years that a date can have. Chosen by hand."""
 QUANTITY_AND_SIGN_BY_MINUTES_COLUMN = {
     "lat": ("latitude", 1.0),
@@ -109,7 +109,7 @@ def _day_and_notes(lines: Sequence[str], answers: Answers) -> tuple[int, list[st
         return 0, ["the file has no date: stamps count from midnight (--start names the day)"]
     day, month, year = (int(each) for each in found.groups())
     try:
-        first = datetime(year if year in YEARS else 0, month, day, tzinfo=UTC)
+        first = datetime(year if year in ACCEPTED_YEARS_OF_DATE else 0, month, day, tzinfo=UTC)
     except ValueError:
         return 0, [f"{found[0]!r} is no date: stamps count from midnight (--start names the day)"]
     return round(first.timestamp()) * NS_PER_S, [f"the date is that of {found[0]!r}"]

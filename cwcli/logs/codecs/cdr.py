@@ -26,7 +26,7 @@ from cwcli.logs.codecs.decoder import DecodeOutcome
 from cwcli.logs.codecs.ros2msg import parse_message_definitions
 from cwcli.signals.columns import BoolArray, Field, Int64Array, NumericArray, Ragged
 
-REASON_BY_STATUS = {
+DECODE_FAILURE_REASON_BY_KERNEL_STATUS = {
     kernel.STATUS_SHORT: "the message ends before its fields do",
     kernel.STATUS_FOREIGN: "its encapsulation is not plain CDR",
 }
@@ -118,7 +118,7 @@ class CdrDecoder:
         self._is_long_enough.append(is_long_enough)
         n_short = len(payloads) - int(is_long_enough.sum())
         if n_short:  # they get no row: a schema can ask for any number of bytes a row
-            self._add_undecodable_count(REASON_BY_STATUS[kernel.STATUS_SHORT], n_short)
+            self._add_undecodable_count(DECODE_FAILURE_REASON_BY_KERNEL_STATUS[kernel.STATUS_SHORT], n_short)
             payloads = payloads.select_messages(np.flatnonzero(is_long_enough))
         n, first = len(payloads), self._n
         if not n:
@@ -146,7 +146,7 @@ class CdrDecoder:
             ragged.store_batch_elements()
         self._is_ok.append(is_ok)
         if not is_ok.all():
-            for code, reason in REASON_BY_STATUS.items():
+            for code, reason in DECODE_FAILURE_REASON_BY_KERNEL_STATUS.items():
                 self._add_undecodable_count(reason, int((status == code).sum()))
         self._n += n
 

@@ -46,9 +46,9 @@ MAX_MESSAGE_NESTING = 64
 MAX_SCHEMA_FIELDS = 1 << 16
 """The greatest number of fields of a message and all messages in it: nested types can double them at every level,
 whether they are wanted or not. Chosen by hand."""
-MAX_ELEMENTS_PER_MESSAGE = 1 << 24
+MAX_ELEMENTS_OF_LEAF_PER_MESSAGE = 1 << 24
 """The greatest number of elements of a leaf in one message, in all fixed arrays around it. Chosen by hand."""
-MAX_SKIP_BYTES = 1 << 30
+MAX_BYTES_SKIPPED_BY_ONE_OPERATION = 1 << 30
 """The greatest number of bytes that one operation skips: the numbers of an operation are int32."""
 MAX_ALIGNMENT_XCDR1_BYTES = 8
 """The largest alignment in bytes of XCDR1 (DDS-XTypes 1.3, 7.4.1)."""
@@ -185,7 +185,7 @@ class _Compiler:
         elif self.loops:
             counts = [*self.loops, field.length or 1]
             static = None if None in counts else math.prod(n for n in counts if n is not None)
-            if static is not None and static > MAX_ELEMENTS_PER_MESSAGE:
+            if static is not None and static > MAX_ELEMENTS_OF_LEAF_PER_MESSAGE:
                 raise SchemaError(f"{path} has {static:.3g} elements in every message")
             slot = self._add_ragged_leaf_and_get_slot(LeafColumn(path, "ragged", dtype, static, is_bool))
             self._emit_primitives(dtype, field.length or 1, (OP_APPEND, slot))
@@ -240,7 +240,12 @@ class _Compiler:
     def _emit_skip(self, align: int, n_bytes: int) -> None:
         """Emit a skip, joined with a skip right before it unless a loop begins or ends there."""
         last = self.operations[-1] if self.operations else None
-        if last is not None and last[0] == OP_SKIP and align == 1 and last[2] + n_bytes <= MAX_SKIP_BYTES:
+        if (
+            last is not None
+            and last[0] == OP_SKIP
+            and align == 1
+            and last[2] + n_bytes <= MAX_BYTES_SKIPPED_BY_ONE_OPERATION
+        ):
             last[2] += n_bytes
         else:
             self._emit_operation(OP_SKIP, align, n_bytes, 1, -1)

@@ -40,7 +40,7 @@ MAX_OBJECT_DEPTH = 256
 MAX_LEARNED_KEYS = 4096
 """The greatest number of keys that are learned; with more of them keys are data rather than names. Chosen by hand."""
 Tables = tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32], npt.NDArray[np.int32]]
-_NEEDS_ESCAPE = re.compile(r'["\\\x00-\x1f]')
+_CHARACTERS_TO_ESCAPE_PATTERN = re.compile(r'["\\\x00-\x1f]')
 """The characters that JSON texts must escape (RFC 8259, 7)."""
 
 
@@ -125,7 +125,7 @@ class KeyTree:
                     nodes.append([0, 0])
                     waiting.append((child, key.below))
                 octets = name.encode(errors="surrogatepass")
-                size = -1 if _NEEDS_ESCAPE.search(name) else len(octets)
+                size = -1 if _CHARACTERS_TO_ESCAPE_PATTERN.search(name) else len(octets)
                 entries.append([len(text), size, key.slot, child])
                 text += octets
         return (

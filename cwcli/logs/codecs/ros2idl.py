@@ -35,7 +35,7 @@ ROS_TYPE_BY_IDL_WORDS = {
     **{"string": STRING_TYPE, "wstring": WSTRING_TYPE},
 }
 """The words of a type in IDL stand for this primitive type of ROS 2 (the article above, section Types)."""
-ENUM_TYPE = "uint32"
+ENCODED_ROS_TYPE_OF_ENUM = "uint32"
 """An enumerated value is encoded as this type (OMG XTypes 1.3, section 7.4.1)."""
 _WORD_PATTERN = re.compile(
     r'\s+|//[^\n]*|/\*(?:.*?\*/|.*)|^#[^\n]*|^={3}[^\n]*\nIDL:[^\n]*|("(?:[^"\\]|\\.)*"?|\'(?:[^\'\\]|\\.)*\'?|\w+|::|.)',
@@ -127,7 +127,7 @@ class _IdlParser:
                 self._take("=")
                 self._define(self.constants, name, " ".join(self._words_before(";")))
             elif word == "enum":
-                self._define(self.typedefs, self._take_identifier(), IdlType(ENUM_TYPE, ""))
+                self._define(self.typedefs, self._take_identifier(), IdlType(ENCODED_ROS_TYPE_OF_ENUM, ""))
                 self._words_before(";")
             else:
                 raise SchemaError(f"{word[:40]!r} begins no definition of IDL that is read")

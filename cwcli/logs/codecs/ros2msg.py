@@ -39,9 +39,9 @@ _PREDEFINED_MESSAGES = {
 """The messages that a schema may use without a definition (builtin_interfaces)."""
 _DEFINITION_SEPARATOR = re.compile(r"^={3,}\s*$", re.MULTILINE)
 """The pattern of the line between two message definitions."""
-_NAME_LINE = re.compile(r"^MSG:\s+(\S+)\s*$", re.MULTILINE)
+_MESSAGE_NAME_LINE_PATTERN = re.compile(r"^MSG:\s+(\S+)\s*$", re.MULTILINE)
 """The pattern of the line that names the message of a definition."""
-_FIELD_TYPE = re.compile(r"^([\w/]+)(<=\d+)?(?:\[(<=)?(\d*)\])?$")
+_FIELD_TYPE_PATTERN = re.compile(r"^([\w/]+)(<=\d+)?(?:\[(<=)?(\d*)\])?$")
 """The pattern of a field's type: name, bound of a string, bound and length of an array."""
 _CONSTANT_ASSIGNMENT = re.compile(r"^\w+\s*=")
 """The pattern of a constant's name and equals sign."""
@@ -110,7 +110,7 @@ def split_definitions(root: str, text: str) -> Iterator[tuple[str, str]]:
         SchemaError: Another one has no name.
     """
     for k, part in enumerate(_DEFINITION_SEPARATOR.split(text.replace("\r\n", "\n"))):
-        named = _NAME_LINE.search(part)
+        named = _MESSAGE_NAME_LINE_PATTERN.search(part)
         if named is None and k:
             raise SchemaError("a part of the schema has no `MSG:` line")
         name = package_slash_message_name(named.group(1)) if named else root
@@ -151,7 +151,7 @@ def _parse_fields(package: str, body: str, aliases: Mapping[str, str]) -> tuple[
         if _CONSTANT_ASSIGNMENT.match(rest):
             continue
         name = rest.partition(" ")[0]
-        matched = _FIELD_TYPE.match(type_text)
+        matched = _FIELD_TYPE_PATTERN.match(type_text)
         if not name or not matched:
             raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
         base, _, is_bounded, size = matched.groups()

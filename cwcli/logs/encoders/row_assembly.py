@@ -22,7 +22,7 @@ from cwcli.logs.encoders.byte_rows import (
 )
 from cwcli.signals.columns import Int64Array, NumericArray
 
-MAX_BLOCK_PIECE_BYTES = 64
+MAX_WIDTH_OF_PIECES_JOINED_BEFORE_COPY_BYTES = 64
 """Width in bytes up to which neighbouring pieces are joined before they are copied; a wider piece is copied directly.
 Chosen by hand."""
 
@@ -115,7 +115,7 @@ def _group_pieces_by_whether_small_and_fixed(pieces: Sequence[Piece]) -> list[tu
     """Group neighbouring pieces: True for pieces of small fixed size."""
     runs: list[tuple[bool, list[Piece]]] = []
     for piece in pieces:
-        fixed = isinstance(piece, FixedPiece) and piece.bytes_per_row <= MAX_BLOCK_PIECE_BYTES
+        fixed = isinstance(piece, FixedPiece) and piece.bytes_per_row <= MAX_WIDTH_OF_PIECES_JOINED_BEFORE_COPY_BYTES
         if runs and runs[-1][0] == fixed:
             runs[-1][1].append(piece)
         else:

@@ -25,7 +25,7 @@ MAX_REUSED_BUFFER_BYTES = 4 << 20
 """Size in bytes of the largest read that reuses a thread's buffer. Chosen by hand: common chunks are smaller."""
 MAX_LZ4_RATIO = 256
 """Greatest ratio of decompressed to compressed bytes of lz4: one byte of a block extends a match by at most 255."""
-PARTIAL_BLOCK_BYTES = 1 << 16
+BYTES_DECOMPRESSED_AT_ONCE_FROM_CUT_CHUNK = 1 << 16
 """Bytes that are decompressed at a time from a cut chunk, and lost at an error in it. Chosen by hand."""
 BYTES_AS_COSTLY_AS_ONE_MESSAGE = 500
 """Bytes that take about as long to decompress as one message takes to scan, decode and check. Chosen by hand."""
@@ -284,7 +284,7 @@ def _iter_zstd_blocks(stored: memoryview) -> Iterator[bytes]:
     import zstandard
 
     with suppress(zstandard.ZstdError), zstandard.ZstdDecompressor().stream_reader(stored) as stream:
-        while block := stream.read(PARTIAL_BLOCK_BYTES):
+        while block := stream.read(BYTES_DECOMPRESSED_AT_ONCE_FROM_CUT_CHUNK):
             yield block
 
 
@@ -294,10 +294,13 @@ def _iter_lz4_blocks(stored: memoryview) -> Iterator[bytes]:
 
     stream = lz4.frame.LZ4FrameDecompressor()
     with suppress(RuntimeError, EOFError):
-        for at in range(0, len(stored), PARTIAL_BLOCK_BYTES):
-            yield stream.decompress(stored[at : at + PARTIAL_BLOCK_BYTES], max_length=PARTIAL_BLOCK_BYTES)
+        for at in range(0, len(stored), BYTES_DECOMPRESSED_AT_ONCE_FROM_CUT_CHUNK):
+            yield stream.decompress(
+                stored[at : at + BYTES_DECOMPRESSED_AT_ONCE_FROM_CUT_CHUNK],
+                max_length=BYTES_DECOMPRESSED_AT_ONCE_FROM_CUT_CHUNK,
+            )
             while not stream.needs_input and not stream.eof:
-                yield stream.decompress(b"", max_length=PARTIAL_BLOCK_BYTES)
+                yield stream.decompress(b"", max_length=BYTES_DECOMPRESSED_AT_ONCE_FROM_CUT_CHUNK)
 
 
 def _chunk_too_large_error(size: int, bound: int) -> ChunkError:

@@ -21,7 +21,7 @@ IMPORTABLE_MAGICS = (
     b"\x1a\x45\xdf\xa3",
 )
 """The first bytes of Parquet, zip, BLF, UBX, text with a byte order mark, AVI and Matroska."""
-TEXT_BYTES = frozenset([9, 10, 13, *range(32, 127), *range(160, 256)])
+BYTE_VALUES_OCCURRING_IN_TEXT = frozenset([9, 10, 13, *range(32, 127), *range(160, 256)])
 """The bytes that occur in text in ASCII and Latin-1: tab, line ends and printable characters."""
 MAX_NON_MESSAGE_RECORDS = 1 << 16
 """The greatest number of schemas, channels, attachments and runs of metadata in a file; one with more is refused.
@@ -51,7 +51,9 @@ def is_importable_head(head: bytes) -> bool:
     """Tell whether a file with these first bytes can be of a kind that `cwcli import` reads."""
     if head.startswith(IMPORTABLE_MAGICS) or head[4:8] == b"ftyp":
         return True
-    return bool(head) and not head.startswith(b"#ROSBAG") and all(byte in TEXT_BYTES for byte in head)
+    return (
+        bool(head) and not head.startswith(b"#ROSBAG") and all(byte in BYTE_VALUES_OCCURRING_IN_TEXT for byte in head)
+    )
 
 
 def _guess_file_format_hint(head: bytes) -> str:

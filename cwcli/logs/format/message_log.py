@@ -24,7 +24,7 @@ from cwcli.logs.format.records import (
 
 MIN_BYTES_OF_FULL_CHUNK = 1 << 20
 """The size in bytes beyond which a chunk is written, as in the official library."""
-MAX_SEQUENCE = 0xFFFFFFFF
+MAX_MESSAGE_SEQUENCE_NUMBER = 0xFFFFFFFF
 """The greatest sequence number of a message: the format has 32 bits for it (MCAP specification)."""
 _MESSAGE_PREFIX_STRUCT = struct.Struct("<BQHIQQ")
 """A message record before its payload: opcode, length, channel, sequence, log and publish time (MCAP specification)."""
@@ -94,7 +94,7 @@ class MessageLog:
         else:
             entries.append(entry)
         n = _MESSAGE_FIELDS_BYTES + len(payload)
-        sequence &= MAX_SEQUENCE
+        sequence &= MAX_MESSAGE_SEQUENCE_NUMBER
         self._pieces.append(
             _MESSAGE_PREFIX_STRUCT.pack(Opcode.MESSAGE, n, channel_id, sequence, log_time_ns, log_time_ns)
         )

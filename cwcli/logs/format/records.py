@@ -264,16 +264,28 @@ _CHUNK_HEAD_FIELDS = struct.Struct("<QQQI")
 
 FieldLayout = struct.Struct | Callable[[FieldReader], Any]
 """The layout of some fields of a record: numbers of fixed size, or the reader of one field of varying size."""
-_TEXT, _BYTES = FieldReader.read_string, FieldReader.read_byte_string
+_LENGTH_PREFIXED_TEXT_LAYOUT, _LENGTH_PREFIXED_BYTES_LAYOUT = FieldReader.read_string, FieldReader.read_byte_string
 """The layouts of a text and of bytes, each after its length."""
 _READ_COUNTS_BY_CHANNEL_ID = FieldReader.read_count_map
 """The layout of a map of channel ids to numbers."""
 RECORD_LAYOUTS: dict[type[tuple[Any, ...]], tuple[int, tuple[FieldLayout, ...]]] = {
-    Schema: (Opcode.SCHEMA, (_U16, _TEXT, _TEXT, _BYTES)),
-    Channel: (Opcode.CHANNEL, (struct.Struct("<HH"), _TEXT, _TEXT, FieldReader.read_text_map)),
-    ChunkIndex: (Opcode.CHUNK_INDEX, (struct.Struct("<QQQQ"), _READ_COUNTS_BY_CHANNEL_ID, _U64, _TEXT, _U64_U64)),
-    AttachmentIndex: (Opcode.ATTACHMENT_INDEX, (struct.Struct("<QQQQQ"), _TEXT, _TEXT)),
-    MetadataIndex: (Opcode.METADATA_INDEX, (_U64_U64, _TEXT)),
+    Schema: (
+        Opcode.SCHEMA,
+        (_U16, _LENGTH_PREFIXED_TEXT_LAYOUT, _LENGTH_PREFIXED_TEXT_LAYOUT, _LENGTH_PREFIXED_BYTES_LAYOUT),
+    ),
+    Channel: (
+        Opcode.CHANNEL,
+        (struct.Struct("<HH"), _LENGTH_PREFIXED_TEXT_LAYOUT, _LENGTH_PREFIXED_TEXT_LAYOUT, FieldReader.read_text_map),
+    ),
+    ChunkIndex: (
+        Opcode.CHUNK_INDEX,
+        (struct.Struct("<QQQQ"), _READ_COUNTS_BY_CHANNEL_ID, _U64, _LENGTH_PREFIXED_TEXT_LAYOUT, _U64_U64),
+    ),
+    AttachmentIndex: (
+        Opcode.ATTACHMENT_INDEX,
+        (struct.Struct("<QQQQQ"), _LENGTH_PREFIXED_TEXT_LAYOUT, _LENGTH_PREFIXED_TEXT_LAYOUT),
+    ),
+    MetadataIndex: (Opcode.METADATA_INDEX, (_U64_U64, _LENGTH_PREFIXED_TEXT_LAYOUT)),
     Statistics: (Opcode.STATISTICS, (struct.Struct("<QHIIIIQQ"), _READ_COUNTS_BY_CHANNEL_ID)),
     Footer: (Opcode.FOOTER, (struct.Struct("<QQI"),)),
 }

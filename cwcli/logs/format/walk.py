@@ -44,7 +44,7 @@ DATA_SECTION_OPCODES = frozenset(
 """The opcodes of the records that occur in the data section only (MCAP specification)."""
 RECORDS_BETWEEN_MESSAGE_COUNT_CHECKS = 1 << 12
 """The number of records in chunks after which the number of messages is checked again. Chosen by hand."""
-_CHANNEL_SEQUENCE_TIME = struct.Struct("<HIQ")
+_CHANNEL_SEQUENCE_TIME_STRUCT = struct.Struct("<HIQ")
 """The first fields of a message: channel id, sequence, log time (MCAP specification)."""
 
 
@@ -325,7 +325,9 @@ class _DataSectionIndexer:
         if end - start < MESSAGE_HEADER_BYTES:
             raise RecordError("a message is shorter than its header")
         channel_id: int
-        channel_id, _, log_time_ns = _CHANNEL_SEQUENCE_TIME.unpack(data[start : start + _CHANNEL_SEQUENCE_TIME.size])
+        channel_id, _, log_time_ns = _CHANNEL_SEQUENCE_TIME_STRUCT.unpack(
+            data[start : start + _CHANNEL_SEQUENCE_TIME_STRUCT.size]
+        )
         self._counts[channel_id] = self._counts.get(channel_id, 0) + 1
         self._extend_log_time_range(log_time_ns, log_time_ns)
         return channel_id

@@ -9,7 +9,7 @@ BYTES_PER_GIGABYTE = 1_000_000_000
 """The number of bytes in a gigabyte, for messages to users."""
 COPY_BLOCK_BYTES = 1 << 20
 """Bytes that are copied at a time. Chosen by hand."""
-MAX_PIPE_BYTES = 64 * BYTES_PER_GIGABYTE
+DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL = 64 * BYTES_PER_GIGABYTE
 """The default limit of bytes read from a pipe or a URL (`--max-input`). Chosen by hand."""
 
 DEFAULT_TIMEOUT_S = 60.0
@@ -29,7 +29,7 @@ class ReadBounds:
     """
 
     max_chunk_bytes: int = MAX_CHUNK_BYTES
-    max_input_bytes: int = MAX_PIPE_BYTES
+    max_input_bytes: int = DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL
     max_ratio: float = MAX_UNPACKED_TO_STORED_SIZE_RATIO
     recover: bool = False
     timeout_s: float = DEFAULT_TIMEOUT_S

@@ -35,7 +35,7 @@ from cwcli.logs.format.records import (
     read_opcode_and_content_range,
 )
 from cwcli.logs.read.channels import ChannelInfo, channel_infos_from_index
-from cwcli.logs.read.read_bounds import DEFAULT_TIMEOUT_S, MAX_PIPE_BYTES, ReadBounds
+from cwcli.logs.read.read_bounds import DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL, DEFAULT_TIMEOUT_S, ReadBounds
 from cwcli.logs.read.source import Source, open_source
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ class Log:
         *,
         recover: bool = False,
         max_chunk_bytes: int = MAX_CHUNK_BYTES,
-        max_pipe_bytes: int = MAX_PIPE_BYTES,
+        max_pipe_bytes: int = DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL,
         max_ratio: float = MAX_UNPACKED_TO_STORED_SIZE_RATIO,
         timeout_s: float = DEFAULT_TIMEOUT_S,
     ) -> Log:

@@ -22,9 +22,9 @@ from cwcli.logs.read.source_format import SourceFormat
 
 CONVERSION_FUNCTION = "cwcli.logs.read.reader_child:convert_file_of_request"
 """The function that the process runs."""
-MEMORY_BEYOND_START_AND_CHUNK_BYTES = 128_000_000
+MAX_PROCESS_MEMORY_BEYOND_START_AND_CHUNK_BYTES = 128_000_000
 """Memory of the process beyond its start and one chunk (`--max-chunk`). Chosen by hand: ordinary bags take 40 MB."""
-MAX_NOTES = 100_000
+MAX_NOTES_ON_FILE = 100_000
 """The greatest number of notes on a file. Chosen by hand."""
 
 
@@ -54,7 +54,7 @@ def convert_in_process(
     limits = Limits(
         cpu_limit_for_file_size_s(len(file)),
         most_bytes,
-        address_bytes=MEMORY_BEYOND_START_AND_CHUNK_BYTES + bounds.max_chunk_bytes,
+        address_bytes=MAX_PROCESS_MEMORY_BEYOND_START_AND_CHUNK_BYTES + bounds.max_chunk_bytes,
     )
     request: dict[str, Any] = {
         "format": source.name,
@@ -93,7 +93,7 @@ def _store_checked_answer_in_source_format(answer: dict[str, Any], source: Sourc
         and all(isinstance(each, str) for each in compressions)
         and isinstance(n_chunks, int)
         and isinstance(notes, dict)
-        and len(notes) <= MAX_NOTES
+        and len(notes) <= MAX_NOTES_ON_FILE
         and all(isinstance(each, int) for each in notes.values())
     )
     if not is_usable:

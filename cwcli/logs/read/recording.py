@@ -32,7 +32,7 @@ MAX_METADATA_YAML_VALUES = 100_000
 fewer."""
 MAX_PATH_CHARS = 4096
 """The greatest length of a path on Linux (`PATH_MAX`)."""
-MAX_COUNT_DIGITS = 19
+MAX_DIGITS_OF_MESSAGE_COUNT = 19
 """The greatest number of digits in a number of messages: as many as 2^63 has."""
 YAML_NULL_TEXTS = ("", "~", "null")
 """The texts that stand for null in YAML 1.2."""
@@ -270,5 +270,7 @@ def _last_path_part(listed: object) -> str:
 
 def _parse_message_count(value: object) -> int | None:
     """Return a number of messages from its text; None if it is not a number."""
-    is_number = isinstance(value, str) and len(value) <= MAX_COUNT_DIGITS and value.isascii() and value.isdigit()
+    is_number = (
+        isinstance(value, str) and len(value) <= MAX_DIGITS_OF_MESSAGE_COUNT and value.isascii() and value.isdigit()
+    )
     return int(value) if is_number else None  # type: ignore[call-overload]

@@ -28,7 +28,7 @@ from cwcli.text import format_first_names
 
 READABLE_SERIALIZATION_FORMAT = "cdr"
 """The serialization format of a topic that can be read."""
-MAX_NAMES_SHOWN = 5
+MAX_TOPICS_LISTED_IN_NOTE = 5
 """The number of topics, or of their ids, that a note lists. Chosen by hand."""
 MAX_SHOWN_VALUE_CHARS = 80
 """The number of characters of a value from the database that a note shows. Chosen by hand."""
@@ -36,7 +36,7 @@ STORED_COLUMN_CODE = 0
 """How `PRAGMA table_xinfo` marks a column that is stored, and neither computed nor hidden."""
 MAX_DEFINITIONS_BYTES = 16_000_000
 """The greatest size of all definitions of a database. Chosen by hand."""
-BOUND_CHARACTERS_PER_IDL_CHARACTER = 4
+COUNTED_DEFINITION_BYTES_PER_IDL_CHARACTER = 4
 """A character of IDL counts as four towards that size. Chosen by hand: a megabyte of it takes 0.6 s."""
 NEEDED_COLUMNS_BY_TABLE = {
     "topics": {"id", "name", "type", "serialization_format"},
@@ -192,7 +192,7 @@ def _load_definitions_by_type_and_type_store(
     if _table_column_names(database, "message_definitions") >= DEFINITION_COLUMNS:
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions NOT INDEXED"
         for kind, encoding, text in database.execute(query):
-            n_left -= len(str(text)) * (BOUND_CHARACTERS_PER_IDL_CHARACTER if encoding == "ros2idl" else 1)
+            n_left -= len(str(text)) * (COUNTED_DEFINITION_BYTES_PER_IDL_CHARACTER if encoding == "ros2idl" else 1)
             if n_left < 0:
                 raise ValueError(f"its message definitions have more than {MAX_DEFINITIONS_BYTES:,} characters")
             n_definitions += encoding in ("ros2msg", "ros2idl")
@@ -220,7 +220,7 @@ def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: d
     unknown = sorted(counts.keys() - known)
     if unknown:
         n = sum(counts[each] for each in unknown)
-        shown = format_first_names([str(each) for each in unknown], MAX_NAMES_SHOWN)
+        shown = format_first_names([str(each) for each in unknown], MAX_TOPICS_LISTED_IN_NOTE)
         notes[f"messages that belong to no topic (topic id{'s' if len(unknown) > 1 else ''} {shown})"] = n
     by_format: dict[str, list[TopicRow]] = {}
     for each in topics:
@@ -231,7 +231,7 @@ def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: d
         if n:
             what = f"messages in the format {name}, which is not read, only CDR is"
             texts = [_shorten_value(each.topic) for each in others]
-            notes[f"{what} ({format_first_names(texts, MAX_NAMES_SHOWN)})"] = n
+            notes[f"{what} ({format_first_names(texts, MAX_TOPICS_LISTED_IN_NOTE)})"] = n
 
 
 def _shorten_value(value: object) -> str:

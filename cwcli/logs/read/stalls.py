@@ -20,7 +20,7 @@ MIN_BYTES_PER_TIMEOUT = 1000
 """A server that sends fewer bytes within the time counts as stalled. Chosen by hand: a modem sends that each second."""
 MAX_BLOCKS_AHEAD = 4
 """Number of blocks that are read ahead of their use. Chosen by hand: at most 16 MiB."""
-MAX_QUEUE_WAIT_S = 0.5
+MAX_QUEUE_WAIT_BETWEEN_STOP_CHECKS_S = 0.5
 """The time in seconds after which a thread looks whether it is still wanted. Chosen by hand."""
 
 BlockOrErrorOrEnd = bytes | BaseException | None
@@ -72,7 +72,7 @@ def _put_blocks_into_queue(
     def put_unless_left(item: BlockOrErrorOrEnd) -> None:
         while not is_left.is_set():
             with suppress(queue.Full):
-                items.put(item, timeout=MAX_QUEUE_WAIT_S)
+                items.put(item, timeout=MAX_QUEUE_WAIT_BETWEEN_STOP_CHECKS_S)
                 return
 
     try:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, STRING_TYPE, MessageField
 from cwcli.logs.ros1.definitions import (
     HEADER_TYPE,
-    SEQUENCE_FIELD,
+    SEQUENCE_NUMBER_FIELD_OF_ROS1_HEADER,
     Ros1Definition,
     has_ros1_header,
     is_number_or_text_type,
@@ -27,20 +27,20 @@ CDR_HEADER = b"\x00\x01\x00\x00"
 """The first bytes of a message: little-endian CDR (DDS-RTPS 2.3, 10.2)."""
 SIZE_OF_TYPE = {name: int(dtype[1:]) for name, dtype in PRIMITIVE_DTYPES.items()}
 """Type of a number -> its size in bytes, which is its alignment, too."""
-LENGTH_BYTES = 4
+LENGTH_PREFIX_BYTES = 4
 """The size in bytes of the length in front of a text or a sequence, in ROS 1 and in CDR."""
-ALLOWED_ELEMENTS_OF_ANY_MESSAGE = 1 << 16
+ALLOWED_INNER_MESSAGES_OF_ANY_MESSAGE = 1 << 16
 """A message may hold this number of messages, however few bytes it has. Chosen by hand."""
 ALLOWED_EXTRA_INNER_MESSAGES_PER_BYTE = 8
 """A message may hold this number of messages more for each of its bytes, as they may be inside each other. Chosen by
 hand."""
-MAX_REPEATED_PIECES = 64
+MAX_PIECES_OF_ARRAY_COPIED_WITHOUT_LOOP = 64
 """Fixed arrays of messages up to this number of pieces are copied without a loop. Chosen by hand."""
 MAX_CACHED_PLANS_PER_TYPE = 200
 """The greatest number of plans that are kept for a type. Chosen by hand: most types have one for each frame's name."""
 MAX_PLAN_PIECES = 64
 """The greatest number of pieces, and of lengths, in a plan. Chosen by hand: what has more is rare, and long."""
-MAX_PLAN_BYTES = 256
+MAX_BYTES_PLAN_PUTS_BETWEEN_PIECES = 256
 """The greatest number of bytes that a plan puts between the pieces. Chosen by hand."""
 ALIGNMENT_PADDING_BY_SIZE = tuple(bytes(n) for n in range(8))
 """The zero bytes of the gap in front of an aligned number in CDR, by the size of the gap in bytes."""
@@ -148,7 +148,7 @@ class Ros1Converter:
 
     def _store_plan_if_small(self, conversion: _Conversion, n_bytes: int) -> None:
         """Keep how a message was converted for all of its size with the same lengths, unless that takes too much."""
-        if conversion.n_put_bytes() > MAX_PLAN_BYTES:
+        if conversion.n_put_bytes() > MAX_BYTES_PLAN_PUTS_BETWEEN_PIECES:
             return
         self._n_plans += 1
         found, key = self._plans, n_bytes
@@ -164,7 +164,7 @@ class Ros1Converter:
             fields = self._definition.fields[name]
             steps: list[tuple[Any, ...]] = []
             if self._drops_sequence and name == HEADER_TYPE:
-                steps.append((Kind.DROPPED, SIZE_OF_TYPE[SEQUENCE_FIELD.type]))
+                steps.append((Kind.DROPPED, SIZE_OF_TYPE[SEQUENCE_NUMBER_FIELD_OF_ROS1_HEADER.type]))
                 fields = fields[1:]
             for field in fields:
                 _append_step(steps, self._conversion_step_of_field(field))
@@ -193,7 +193,9 @@ class Ros1Converter:
             if field.is_sequence and len(pieces) == 1:
                 return Kind.SEQUENCE, pieces[0][0], only[1]
             n = 1 if field.length is None else field.length
-            if not field.is_sequence and (len(pieces) == 1 or n * len(pieces) <= MAX_REPEATED_PIECES):
+            if not field.is_sequence and (
+                len(pieces) == 1 or n * len(pieces) <= MAX_PIECES_OF_ARRAY_COPIED_WITHOUT_LOOP
+            ):
                 repeated = ((pieces[0][0], n * only[1]),) if len(pieces) == 1 else pieces * n
                 return Kind.NUMBERS, n * only[1], repeated
         return Kind.MESSAGES, layout, count if field.is_sequence or field.length is not None else 1
@@ -220,10 +222,10 @@ def _min_bytes_of_step(step: tuple[Any, ...]) -> int:
     if kind in (Kind.NUMBERS, Kind.DROPPED):
         return int(step[1])
     if kind == Kind.TEXTS:
-        return LENGTH_BYTES * (1 if step[1] is None else int(step[1]))
+        return LENGTH_PREFIX_BYTES * (1 if step[1] is None else int(step[1]))
     if kind == Kind.MESSAGES:
-        return LENGTH_BYTES if step[2] is None else int(step[2]) * int(step[1].min_bytes)
-    return 0 if kind == Kind.EMPTY else LENGTH_BYTES
+        return LENGTH_PREFIX_BYTES if step[2] is None else int(step[2]) * int(step[1].min_bytes)
+    return 0 if kind == Kind.EMPTY else LENGTH_PREFIX_BYTES
 
 
 def _n_elements_of_step(step: tuple[Any, ...]) -> int:
@@ -247,7 +249,7 @@ class _Conversion:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self._n_left = ALLOWED_ELEMENTS_OF_ANY_MESSAGE + ALLOWED_EXTRA_INNER_MESSAGES_PER_BYTE * len(data)
+        self._n_left = ALLOWED_INNER_MESSAGES_OF_ANY_MESSAGE + ALLOWED_EXTRA_INNER_MESSAGES_PER_BYTE * len(data)
         self.at = 0
         self.out = bytearray(CDR_HEADER)
         self.lengths: list[tuple[int, int]] = []
@@ -326,12 +328,12 @@ class _Conversion:
 
     def _take_length(self) -> int:
         """Take a length from the message."""
-        self._require_bytes(LENGTH_BYTES)
+        self._require_bytes(LENGTH_PREFIX_BYTES)
         (n,) = _UNPACK_LENGTH(self._data, self.at)
         if self.is_plannable:
             self.lengths.append((self.at, n))
             self.is_plannable = len(self.lengths) <= MAX_PLAN_PIECES
-        self.at += LENGTH_BYTES
+        self.at += LENGTH_PREFIX_BYTES
         return int(n)
 
     def _copy_and_return_length(self) -> int:
@@ -354,7 +356,7 @@ class _Conversion:
 
     def _copy_texts(self, count: int | None) -> None:
         n = self._copy_and_return_length() if count is None else count
-        self._require_bytes(n * LENGTH_BYTES)
+        self._require_bytes(n * LENGTH_PREFIX_BYTES)
         for _ in range(n):
             self._copy_text()
 

@@ -29,10 +29,10 @@ TIME_TYPES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces
 """Primitive types of ROS 1 that are messages in ROS 2, with the same bytes."""
 HEADER_TYPE = "std_msgs/Header"
 """The message whose sequence number ROS 2 has dropped."""
-SEQUENCE_FIELD = MessageField("seq", "uint32", is_sequence=False, length=None)
+SEQUENCE_NUMBER_FIELD_OF_ROS1_HEADER = MessageField("seq", "uint32", is_sequence=False, length=None)
 """The first field of ROS 1's header, which ROS 2's does not have."""
 ROS1_HEADER_FIELDS = (
-    SEQUENCE_FIELD,
+    SEQUENCE_NUMBER_FIELD_OF_ROS1_HEADER,
     MessageField("stamp", TIME_TYPES["time"], is_sequence=False, length=None),
     MessageField("frame_id", STRING_TYPE, is_sequence=False, length=None),
 )

@@ -26,13 +26,13 @@ TIME_STRUCT = struct.Struct("<II")
 """A time: seconds and nanoseconds."""
 CONNECTION_FIELD_HEAD, OP_FIELD_HEAD, TIME_FIELD_HEAD = b"\t\0\0\0conn=", b"\4\0\0\0op=\2", b"\r\0\0\0time="
 """The fields of a message's header as recorders write them, with their lengths, up to their values."""
-MESSAGE_HEADER_BYTES, MESSAGE_HEAD_BYTES = 38, 46
+MESSAGE_HEADER_BYTES, MESSAGE_HEADER_AND_BOTH_LENGTHS_BYTES = 38, 46
 """The size of such a header, and with its length and that of the data."""
-_MESSAGE_HEADER_OF_RECORDER = struct.Struct("<I9sI8s9sIII").unpack_from
+_UNPACK_MESSAGE_HEADER_OF_RECORDER = struct.Struct("<I9sI8s9sIII").unpack_from
 """Reads such a header as the recorder of ROS writes it."""
-_MESSAGE_HEADER_OF_PYTHON_LIBRARY = struct.Struct("<I8s9sI9sIII").unpack_from
+_UNPACK_MESSAGE_HEADER_OF_PYTHON_LIBRARY = struct.Struct("<I8s9sI9sIII").unpack_from
 """Reads such a header as ROS's library for Python writes it."""
-CHUNK_FIELD_HEAD = b"op=\x05"
+CHUNK_OP_FIELD = b"op=\x05"
 """The field of a header that says that its record is a chunk."""
 Header = dict[bytes, bytes]
 BYTES_UNPACKED_AT_ONCE = 1 << 20
@@ -87,13 +87,15 @@ class PieceSource:
         """
         held_bytes, at = self._held, self._at
         end = len(held_bytes)
-        while at + MESSAGE_HEAD_BYTES <= end:
-            n_header, first, key, second, third, seconds, nanoseconds, n = _MESSAGE_HEADER_OF_RECORDER(held_bytes, at)
+        while at + MESSAGE_HEADER_AND_BOTH_LENGTHS_BYTES <= end:
+            n_header, first, key, second, third, seconds, nanoseconds, n = _UNPACK_MESSAGE_HEADER_OF_RECORDER(
+                held_bytes, at
+            )
             if first != CONNECTION_FIELD_HEAD or second != OP_FIELD_HEAD:
-                n_header, second, first, key, third, seconds, nanoseconds, n = _MESSAGE_HEADER_OF_PYTHON_LIBRARY(
+                n_header, second, first, key, third, seconds, nanoseconds, n = _UNPACK_MESSAGE_HEADER_OF_PYTHON_LIBRARY(
                     held_bytes, at
                 )
-            start = at + MESSAGE_HEAD_BYTES
+            start = at + MESSAGE_HEADER_AND_BOTH_LENGTHS_BYTES
             stop = start + n
             is_message = n_header == MESSAGE_HEADER_BYTES and first == CONNECTION_FIELD_HEAD and second == OP_FIELD_HEAD
             if not is_message or third != TIME_FIELD_HEAD or stop > end or n > most_bytes:
@@ -226,13 +228,13 @@ def find_next_chunk_offset(file: InputFile, start: int) -> int | None:
     at = start
     while at < len(file):
         block = bytes(file[at : at + BAG_BYTES_READ_AT_ONCE])
-        mark = block.find(CHUNK_FIELD_HEAD)
+        mark = block.find(CHUNK_OP_FIELD)
         while mark >= 0:
             found = _chunk_offset_around_mark(file, at + mark, start)
             if found is not None:
                 return found
-            mark = block.find(CHUNK_FIELD_HEAD, mark + 1)
-        at += max(len(block) - len(CHUNK_FIELD_HEAD) + 1, 1)
+            mark = block.find(CHUNK_OP_FIELD, mark + 1)
+        at += max(len(block) - len(CHUNK_OP_FIELD) + 1, 1)
     return None
 
 

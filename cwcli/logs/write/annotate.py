@@ -31,7 +31,7 @@ from cwcli.work_share import report_work
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
-MAX_RECORD_ID = 0xFFFF
+MAX_SCHEMA_OR_CHANNEL_ID = 0xFFFF
 """The greatest id of a schema or a channel: the format has 16 bits for it (MCAP specification)."""
 
 
@@ -351,7 +351,7 @@ def _assign_channel_ids(
         else:
             next_channel_id += 1
         new.append(NewChannel(columns, schema, channel))
-    if max(next_schema_id, next_channel_id) > MAX_RECORD_ID + 1:
+    if max(next_schema_id, next_channel_id) > MAX_SCHEMA_OR_CHANNEL_ID + 1:
         raise OutputError("the log has no room for more channels: their ids end at 65,535")
     return new
 

@@ -18,7 +18,7 @@ from cwcli.logs.read.message_reader import MIN_MESSAGE_BYTES, MessageReader
 
 LATCHED_QOS_PATTERN = re.compile(r"durability:\s*(?:1\b|transient_local)", re.IGNORECASE)
 """Pattern of a quality of service whose messages are latched, in either spelling of rosbag2."""
-STATIC_TRANSFORMS_NAME = "tf_static"
+LAST_PART_OF_STATIC_TRANSFORMS_TOPIC = "tf_static"
 """Last part of the topic of static transforms (ROS REP 105); it has many publishers, of which each one latches."""
 MAX_LATCHED_MESSAGES_PER_CHANNEL = 1000
 """Greatest number of earlier messages that are kept of a channel. Chosen by hand: more are no static transforms."""
@@ -32,7 +32,7 @@ def is_latched(channel: Channel) -> bool:
 
 
 def _is_static_transforms(channel: Channel) -> bool:
-    return channel.topic.rpartition("/")[2] == STATIC_TRANSFORMS_NAME
+    return channel.topic.rpartition("/")[2] == LAST_PART_OF_STATIC_TRANSFORMS_TOPIC
 
 
 def latched_channel_ids(index: LogIndex, channel_ids: Collection[int]) -> frozenset[int]:

@@ -46,7 +46,7 @@ MAX_ROWS_ENCODED_AT_ONCE = 512
 MIN_BYTES_OF_SHARED_CHUNK, MIN_BYTES_OF_OWN_CHUNK = 1 << 16, 1 << 18
 """The bytes of new messages that are worth a chunk for several channels, and for one; fewer wait for the source's next
 chunk, because tiny chunks are slow to read. Chosen by hand."""
-MIN_SHARE_OF_CHANNEL_WITH_OWN_CHUNKS = 1 / 16
+MIN_NEW_BYTES_SHARE_OF_CHANNEL_WITH_OWN_CHUNKS = 1 / 16
 """The share of the bytes of all new messages from which a channel that fills a chunk has chunks of its own. Chosen by
 hand: its chunks then span no more time than 4 MB of all new messages."""
 MAX_MESSAGES_OF_NEW_CHUNK = 1 << 16
@@ -272,7 +272,7 @@ def merges_of_large_and_small_feeds(feeds: Sequence[MessageFeed]) -> list[Messag
     Who reads the states then decompresses no predicted paths.
     """
     sizes = [len(feed) * feed.mean_message_bytes() for feed in feeds]
-    limit = max(sum(sizes) * MIN_SHARE_OF_CHANNEL_WITH_OWN_CHUNKS, BYTES_OF_FULL_NEW_CHUNK)
+    limit = max(sum(sizes) * MIN_NEW_BYTES_SHARE_OF_CHANNEL_WITH_OWN_CHUNKS, BYTES_OF_FULL_NEW_CHUNK)
     small = [feed for feed, size in zip(feeds, sizes, strict=True) if size < limit]
     large = [feed for feed, size in zip(feeds, sizes, strict=True) if size >= limit]
     merges = [MessageMerge([feed], MIN_BYTES_OF_OWN_CHUNK) for feed in large]

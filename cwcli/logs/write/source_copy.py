@@ -41,7 +41,7 @@ from cwcli.logs.write.record_writer import RecordWriter
 
 MAX_INT64_TIME_NS = (1 << 63) - 1
 """The greatest log time in ns that a signed 64-bit number represents."""
-UNCHUNKED_PIECE_BYTES = 1 << 20
+BYTES_OF_CHUNK_OF_UNCHUNKED_MESSAGES = 1 << 20
 """The size in bytes at which messages outside chunks are put into a further chunk. Chosen by hand."""
 MASK_OF_ALL_CHANNEL_IDS = np.ones(1 << 16, np.uint8)
 """The mask of wanted channel ids (65536,) that selects all of them."""
@@ -126,11 +126,11 @@ class SourceCopy:
         )
 
     def _split_unchunked_range(self, span: UnchunkedRange) -> Iterator[UnchunkedRange]:
-        """Split a range outside chunks into ranges of about `UNCHUNKED_PIECE_BYTES`."""
+        """Split a range outside chunks into ranges of about `BYTES_OF_CHUNK_OF_UNCHUNKED_MESSAGES`."""
         bounds = [span.start]
         at = span.start
         while at < span.end:
-            if at - bounds[-1] >= UNCHUNKED_PIECE_BYTES:
+            if at - bounds[-1] >= BYTES_OF_CHUNK_OF_UNCHUNKED_MESSAGES:
                 bounds.append(at)
             _, _, at = read_opcode_and_content_range(self._source, at, span.end)
         return (UnchunkedRange(*bounds) for bounds in pairwise([*bounds, span.end]))

@@ -30,7 +30,7 @@ from cwcli.work_share import report_work
 
 LIBRARY_NAME = f"cwcli {__version__}"
 """The library name in the header of new logs."""
-MESSAGES_PER_REPORT = 1 << 14
+MESSAGES_PER_PROGRESS_REPORT = 1 << 14
 """Number of messages that are written between two reports of progress. Chosen by hand: a tenth of a second."""
 
 
@@ -147,7 +147,9 @@ class LogWriter:
             merged, n_all, n_written = merge(*feeds), sum(self._counts.values()), 0
             while n_written < n_all:
                 before = n_written
-                for log_time_ns, position, publish_time_ns, sequence, data in islice(merged, MESSAGES_PER_REPORT):
+                for log_time_ns, position, publish_time_ns, sequence, data in islice(
+                    merged, MESSAGES_PER_PROGRESS_REPORT
+                ):
                     channel_id = self._feeds[position].channel_id
                     self._writer.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence)
                     n_written += 1

@@ -16,7 +16,7 @@ from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_and_interval_bounds
 from cwcli.reproduction.song2016.methods import MODEL_BY_FAMILY
 from cwcli.reproduction.song2016.warning import OUR_METHOD, WarningMoments, most_typical_seed_or_zero
-from cwcli.simulation.scenario import HOST_NAME, Scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario
 
 MOTION_GRID_STEP_S = 0.01
 """Time step of the replayed motion, in s. Chosen by hand; not fitted."""
@@ -38,7 +38,7 @@ METHOD_LABELS = {family: f"constant {family}" for family in MODEL_BY_FAMILY} | {
 
 def braking_control_part(name: str, moments: WarningMoments) -> StudyPart:
     """Replay one scenario under control, for each family's warning moments over all seeds."""
-    host = true_recorded_motion(moments.scenario, HOST_NAME)
+    host = true_recorded_motion(moments.scenario, EGO_VEHICLE_KEY)
     other = true_recorded_motion(moments.scenario, moments.other)
     outcomes = {
         method: replay_with_policy(

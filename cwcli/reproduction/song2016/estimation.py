@@ -21,7 +21,7 @@ from cwcli.reproduction.song2016.methods import (
     paper_filter_states_with_derivatives,
 )
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 
 QUANTITY_LABELS = {
     "position": "position",
@@ -70,7 +70,7 @@ def reproduce_table_1_of_scenario(name: str, n_seeds: int, tick: Callable[[], No
     }
     plots: tuple[Plot, ...] = ()
     for seed in range(n_seeds):
-        run = measure_vehicle(scenario, HOST_NAME, seed)
+        run = measure_vehicle(scenario, EGO_VEHICLE_KEY, seed)
         estimates = estimate_with_all_methods(run)
         for method, state in estimates.items():
             for row in table1_error_rows(run, state):

@@ -23,10 +23,10 @@ from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.drive import SimulatedDrive
-from cwcli.simulation.scenario import HOST_NAME, Scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario
 from cwcli.simulation.sensors import simulate_sensor_messages
 from cwcli.simulation.streams import RunSpan
-from cwcli.stages.inputs.vehicles import ONSET_MODEL_NAME
+from cwcli.stages.inputs.vehicles import MANOEUVRE_ONSET_MODEL_NAME
 from cwcli.warning.types import VehicleTrack
 
 SENSOR_PERIOD_NS = 50_000_000
@@ -136,7 +136,7 @@ class KnownVehicle:
             self._predict_paths(model),
             self.length_m,
             self.width_m,
-            self._predict_paths(ONSET_MODEL_NAME) if with_onset else None,
+            self._predict_paths(MANOEUVRE_ONSET_MODEL_NAME) if with_onset else None,
             self.track.flags,
         )
 
@@ -177,9 +177,9 @@ def host_and_received_vehicles(drive: SimulatedDrive) -> tuple[KnownVehicle, lis
     last_ns = min(int(data.stamp_ns.max()) for data in drive.sensors.values())
     grid_ns = np.arange(first_ns, last_ns + 1, SENSOR_PERIOD_NS, dtype=np.int64)
     config = EstimatorConfig(latency="none", causal=True)
-    sizes = drive.scenario.vehicles[HOST_NAME]
+    sizes = drive.scenario.vehicles[EGO_VEHICLE_KEY]
     track = estimate_track(_host_measurements_by_sensor(drive), config, grid_ns)
-    host = KnownVehicle(HOST_NAME, track, grid_ns, PREDICTION_HORIZON_S, sizes.length_m, sizes.width_m)
+    host = KnownVehicle(EGO_VEHICLE_KEY, track, grid_ns, PREDICTION_HORIZON_S, sizes.length_m, sizes.width_m)
     others = []
     for received in drive.v2x.values():
         stamp_ns, rows = np.unique(received.stamp_ns, return_index=True)

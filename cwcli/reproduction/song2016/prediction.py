@@ -24,7 +24,7 @@ from cwcli.reproduction.song2016.methods import (
     paper_predicted_points_m,
 )
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 
 COMPARED_HORIZONS_S = (2.1, 2.5, 2.9)
 """The horizons that figure 7 compares, in s (song2016, figure 7)."""
@@ -59,7 +59,7 @@ class PredictionErrors:
 def compute_prediction_errors(name: str, n_seeds: int, tick: Callable[[], None]) -> PredictionErrors:
     """Predict from every state of the host, in every seed, and compare with the truth."""
     scenario = load_scenario(name)
-    motion = scenario.vehicles[HOST_NAME].motion
+    motion = scenario.vehicles[EGO_VEHICLE_KEY].motion
     means: dict[str, list[float]] = {method: [] for method in (*MODEL_BY_FAMILY, OUR_METHOD)}
     largest: dict[str, list[float]] = {method: [] for method in means}
     by_horizon: dict[float, list[float]] = {horizon: [] for horizon in COMPARED_HORIZONS_S}
@@ -67,7 +67,7 @@ def compute_prediction_errors(name: str, n_seeds: int, tick: Callable[[], None])
     horizon_example: dict[float, tuple[FloatArray, FloatArray]] = {}
     start_s = np.zeros(0)
     for seed in range(n_seeds):
-        run = measure_vehicle(scenario, HOST_NAME, seed)
+        run = measure_vehicle(scenario, EGO_VEHICLE_KEY, seed)
         states = paper_filter_states_with_derivatives(run)
         start_s, errors = starts_and_error_function(
             run.time_s, scenario.duration_s, PREDICTION_HORIZON_S, motion.states_at
@@ -161,7 +161,7 @@ def prediction_horizons_part(errors: PredictionErrors) -> StudyPart:
 
 def filtered_path_part() -> StudyPart:
     """Plot figure 4: the path of the car in the curve, true, measured and filtered (seed 0)."""
-    run = measure_vehicle(load_scenario("curve"), HOST_NAME, 0)
+    run = measure_vehicle(load_scenario("curve"), EGO_VEHICLE_KEY, 0)
     states = paper_filter_states_with_derivatives(run)
     curves = [
         Curve("measured", run.vectors[:, 0], run.vectors[:, 1]),

@@ -21,7 +21,7 @@ from cwcli.reproduction.song2016.prediction import (
 from cwcli.reproduction.song2016.sensitivity import MAX_SENSITIVITY_SEEDS as MAX_SEEDS_OF_CHOICES
 from cwcli.reproduction.song2016.sensitivity import moment_bands_over_variants
 from cwcli.reproduction.song2016.warning import (
-    TRAP_SCENARIOS,
+    COLLISION_FREE_SCENARIOS_THAT_MUST_NOT_WARN,
     count_false_warnings,
     false_warning_trap_part,
     simulate_warning_moments,
@@ -67,7 +67,7 @@ def reproduce_song2016(request: ReproductionRequest) -> Reproduction:
         (kind, each, min(request.seeds, MAX_SEEDS_BY_TASK_KIND.get(kind, request.seeds)))
         for (kind, name), figures in FIGURES_BY_TASK.items()
         if request.wants_any_of(figures)
-        for each in (TRAP_SCENARIOS if kind == "traps" else (name,))
+        for each in (COLLISION_FREE_SCENARIOS_THAT_MUST_NOT_WARN if kind == "traps" else (name,))
     ]
     parts_and_tables: list[tuple[list[StudyPart], list[SummaryTable]]] = []
     if request.jobs > 1:

@@ -30,7 +30,7 @@ from cwcli.reproduction.song2016.warning import (
 )
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
-from cwcli.simulation.scenario import HOST_NAME, Scenario, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario, load_scenario
 
 MAX_SENSITIVITY_SEEDS = 10
 """The greatest number of seeds of each variant. Chosen by hand; not fitted."""
@@ -165,7 +165,7 @@ def moment_bands_over_variants(name: str, n_seeds: int) -> tuple[StudyPart, Summ
 def _moments_and_collision_percent(name: str, variant: ChoiceVariant, n_seeds: int) -> tuple[dict[str, float], float]:
     """Return the ideal moment and the warnings' medians, and the per cent of runs in which constant speed collides."""
     scenario = load_scenario(name, variant.overrides)
-    other = next(vehicle for vehicle in scenario.vehicles if vehicle != HOST_NAME)
+    other = next(vehicle for vehicle in scenario.vehicles if vehicle != EGO_VEHICLE_KEY)
     found: dict[str, list[float]] = {family: [] for family in MODEL_BY_FAMILY}
     for seed in range(n_seeds):
         for family, when_s in paper_warning_times_s(scenario, other, seed).items():
@@ -174,7 +174,7 @@ def _moments_and_collision_percent(name: str, variant: ChoiceVariant, n_seeds: i
     moments |= {family: float(np.nanmedian(values)) for family, values in found.items()}
     car = CarResponse() if variant.friction is None else CarResponse(friction=variant.friction)
     when = np.array(found["speed"])
-    host, remote = true_recorded_motion(scenario, HOST_NAME), true_recorded_motion(scenario, other)
+    host, remote = true_recorded_motion(scenario, EGO_VEHICLE_KEY), true_recorded_motion(scenario, other)
     collided = replay_with_policy(
         host, remote, np.where(np.isnan(when), np.inf, when), fuzzy_controller_throttle_and_pressure, car=car
     ).collided
@@ -183,7 +183,7 @@ def _moments_and_collision_percent(name: str, variant: ChoiceVariant, n_seeds: i
 
 def paper_warning_times_s(scenario: Scenario, other: str, seed: int) -> dict[str, float]:
     """Return when each family first predicts a collision, in s, NaN if it never does."""
-    runs = [measure_vehicle(scenario, vehicle, seed) for vehicle in (HOST_NAME, other)]
+    runs = [measure_vehicle(scenario, vehicle, seed) for vehicle in (EGO_VEHICLE_KEY, other)]
     states = [paper_filter_states_with_derivatives(run) for run in runs]
     found = {}
     for family in MODEL_BY_FAMILY:

@@ -26,7 +26,7 @@ from cwcli.reproduction.song2016.methods import (
 )
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drive import simulate_scenario
-from cwcli.simulation.scenario import HOST_NAME, Scenario, load_scenario
+from cwcli.simulation.scenario import EGO_VEHICLE_KEY, Scenario, load_scenario
 from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import WarningConfig
@@ -39,14 +39,14 @@ FIGURE_BY_SCENARIO = {"rear-end": "fig 9", "intersection": "fig 11"}
 """Scenario -> the paper's figure of predicted distances."""
 MAP_FIGURE_BY_SCENARIO = {"rear-end": "fig 8", "intersection": "fig 10"}
 """Scenario -> the paper's figure of the paths from above."""
-HALF_WINDOW_S_BY_SCENARIO = {"rear-end": 2.5, "intersection": 1.0}
+HALF_PLOTTED_TIME_AROUND_IDEAL_MOMENT_BY_SCENARIO_S = {"rear-end": 2.5, "intersection": 1.0}
 """Scenario -> half of the time that is drawn around the ideal moment, in s, so that the moments, printed 0.4 and 0.08 s
 apart, can be told from each other. Chosen by hand."""
 OUR_METHOD = "cwcli"
 """Key of our default chain with the paper's knowledge among the methods."""
 OUR_METHOD_ON_V2X = "cwcli-v2x"
 """Key of our default chain on V2X messages among the methods."""
-TRAP_SCENARIOS = ("brake-and-release", "parallel-lanes", "near-miss-crossing", "following")
+COLLISION_FREE_SCENARIOS_THAT_MUST_NOT_WARN = ("brake-and-release", "parallel-lanes", "near-miss-crossing", "following")
 """Scenarios without a collision in which our default must not warn."""
 
 
@@ -74,12 +74,12 @@ class WarningMoments:
 def simulate_warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> WarningMoments:
     """Simulate a two-car scenario over seeds 0 to n_seeds - 1; `tick` is called after each seed."""
     scenario = load_scenario(name)
-    other = next(vehicle for vehicle in scenario.vehicles if vehicle != HOST_NAME)
+    other = next(vehicle for vehicle in scenario.vehicles if vehicle != EGO_VEHICLE_KEY)
     moments: dict[str, list[float]] = {method: [] for method in (*MODEL_BY_FAMILY, OUR_METHOD, OUR_METHOD_ON_V2X)}
     distances: dict[str, list[FloatArray]] = {family: [] for family in MODEL_BY_FAMILY}
     time_s = np.zeros(0)
     for seed in range(n_seeds):
-        runs = [measure_vehicle(scenario, vehicle, seed) for vehicle in (HOST_NAME, other)]
+        runs = [measure_vehicle(scenario, vehicle, seed) for vehicle in (EGO_VEHICLE_KEY, other)]
         states = [paper_filter_states_with_derivatives(run) for run in runs]
         time_s = runs[0].time_s
         for family in MODEL_BY_FAMILY:
@@ -88,7 +88,8 @@ def simulate_warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) 
             distances[family].append(distance_m)
             moments[family].append(first_time_below_s(time_s, distance_m, COLLISION_CENTRE_DISTANCE_M))
         host, partner = (
-            vehicle_known_without_delay(run, vehicle) for vehicle, run in zip((HOST_NAME, other), runs, strict=True)
+            vehicle_known_without_delay(run, vehicle)
+            for vehicle, run in zip((EGO_VEHICLE_KEY, other), runs, strict=True)
         )
         moments[OUR_METHOD].append(_first_default_warning_s(host, [partner], 0))
         host, others = host_and_received_vehicles(simulate_scenario(scenario, seed))
@@ -112,7 +113,9 @@ def collision_time_s(scenario: Scenario, other: str) -> float:
     time_s = (
         np.arange(int(scenario.duration_s / COLLISION_SEARCH_STEP_S) + 1, dtype=np.float64) * COLLISION_SEARCH_STEP_S
     )
-    host_state, other_state = (scenario.vehicles[vehicle].motion.states_at(time_s) for vehicle in (HOST_NAME, other))
+    host_state, other_state = (
+        scenario.vehicles[vehicle].motion.states_at(time_s) for vehicle in (EGO_VEHICLE_KEY, other)
+    )
     return first_time_below_s(
         time_s, np.hypot(*(host_state[:, :2] - other_state[:, :2]).T), COLLISION_CENTRE_DISTANCE_M
     )
@@ -154,7 +157,7 @@ def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
     found = median_and_interval_bounds(moments.warned_s_by_method[OUR_METHOD_ON_V2X])
     measured.append(MeasuredNumber(figure, f"{name}: warning, our default over the V2X link, median", *found))
     seed = most_typical_seed_or_zero(moments)
-    half_s = HALF_WINDOW_S_BY_SCENARIO[name]
+    half_s = HALF_PLOTTED_TIME_AROUND_IDEAL_MOMENT_BY_SCENARIO_S[name]
     plot = Plot(
         figure,
         f"{name}: distance predicted {PREDICTION_HORIZON_S:g} s ahead; dots: warnings (seed {seed}), diamonds: printed",
@@ -195,7 +198,7 @@ def _plot_both_paths_until_collision(name: str, moments: WarningMoments) -> Plot
     """Plot figure 8 or 10: the paths of both cars until they collide, with dots at the ideal moment."""
     time_s = np.arange(0.0, moments.ideal_s + PREDICTION_HORIZON_S, SAMPLING_TIME_S)
     curves = []
-    for vehicle in (HOST_NAME, moments.other):
+    for vehicle in (EGO_VEHICLE_KEY, moments.other):
         car = moments.scenario.vehicles[vehicle]
         path = car.motion.states_at(time_s)
         curves.append(Curve(f"path of {vehicle}", path[:, 0], path[:, 1]))

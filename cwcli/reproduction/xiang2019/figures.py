@@ -11,10 +11,10 @@ from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.expectations import load_expectations, printed_number_or_nan
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.reproduction.xiang2019.reproduce import (
+    ASSUMED_SCENE_NOISE,
     N_LOOKS_PER_SENSOR,
     N_SEGMENT_SAMPLES,
     PAPER_FILTER_CONFIG,
-    SCENE_NOISE,
     Table,
     detection_rows_of_scene,
 )
@@ -22,7 +22,7 @@ from cwcli.reproduction.xiang2019.sentences import table_column
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.dual_sensor import (
     PAPER_STATIC_RANGES_M,
-    TARGET_PATHS,
+    TARGET_POSITIONS_BY_PATH_SHAPE,
     observe_single_target,
     simulate_static_target,
     times_and_true_states_on_path,
@@ -148,7 +148,7 @@ def sensor_looks_plot() -> Plot:
     at: dict[str, list[float]] = {sensor: [] for sensor in SENSOR_NAMES}
     for true_m in PAPER_STATIC_RANGES_M:
         scene = simulate_static_target(
-            true_m, 2 * N_LOOKS_PER_SENSOR, SCENE_NOISE, np.random.default_rng([0, round(100 * true_m)])
+            true_m, 2 * N_LOOKS_PER_SENSOR, ASSUMED_SCENE_NOISE, np.random.default_rng([0, round(100 * true_m)])
         )
         at["lidar"] += (np.hypot(*scene.lidar_xy.T) - true_m).tolist()
         at["radar"] += (scene.radar[:, 0] - true_m).tolist()
@@ -184,12 +184,14 @@ def filter_tracks_part() -> StudyPart:
     plots = []
     for name, figure in FIGURE_BY_FILTER.items():
         lines: dict[str, list[FloatArray]] = {"detected": [], "true": [], "estimated": []}
-        for k, segment in enumerate(TARGET_PATHS):
+        for k, segment in enumerate(TARGET_POSITIONS_BY_PATH_SHAPE):
             scene = observe_single_target(
-                *times_and_true_states_on_path(segment, N_SEGMENT_SAMPLES), SCENE_NOISE, np.random.default_rng([0, k])
+                *times_and_true_states_on_path(segment, N_SEGMENT_SAMPLES),
+                ASSUMED_SCENE_NOISE,
+                np.random.default_rng([0, k]),
             )
             state = filter_single_target(
-                detection_rows_of_scene(scene, SCENE_NOISE),
+                detection_rows_of_scene(scene, ASSUMED_SCENE_NOISE),
                 replace(PAPER_FILTER_CONFIG, filter="ekf" if name == "ekf" else "ukf"),
             ).state
             reach, azimuth = scene.radar[:, 0], scene.radar[:, 1]
@@ -204,6 +206,8 @@ def filter_tracks_part() -> StudyPart:
         for label, parts in lines.items():
             x, y = np.concatenate(parts).T
             curves.append(Curve(label, x, y, is_points=label == "detected"))
-        title = f"{name.upper()}: {', '.join(TARGET_PATHS)}, {SEGMENT_SPACING_M:g} m apart (first seed)"
+        title = (
+            f"{name.upper()}: {', '.join(TARGET_POSITIONS_BY_PATH_SHAPE)}, {SEGMENT_SPACING_M:g} m apart (first seed)"
+        )
         plots.append(Plot(figure, title, "x, to the right [m]", "y, ahead [m]", curves, is_map=True))
     return StudyPart((), tuple(plots))

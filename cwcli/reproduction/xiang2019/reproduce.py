@@ -17,7 +17,7 @@ from cwcli.metrics.intervals import normal_interval
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.dual_sensor import (
     PAPER_STATIC_RANGES_M,
-    TARGET_PATHS,
+    TARGET_POSITIONS_BY_PATH_SHAPE,
     DualSensorScene,
     SensorNoise,
     observe_single_target,
@@ -29,14 +29,14 @@ from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.prepare import DetectionRows, prepare_detections
 from cwcli.tracking.single_target import filter_single_target
 
-SCENE_NOISE = SensorNoise()
+ASSUMED_SCENE_NOISE = SensorNoise()
 """Noise of both sensors, which the paper leaves open (docs/papers/xiang2019-filter.md)."""
 PAPER_FILTER_CONFIG = FilterConfig(
     model="cv", noise=0.3, start_speed_mps=2.0, cartesian_below=0.0, gate_probability=1.0, smooth=False
 )
 """The paper's filter: constant velocity, radar update with range and azimuth only (eq. 8), no gate, start at the
 first lidar point (eq. 5), never a Cartesian form of the radar. The paper leaves the noise open."""
-STATIC_TARGET_NOISE = 0.01
+PROCESS_NOISE_AND_START_SPEED_FOR_STATIC_TARGET = 0.01
 """Process noise and start speed for the standing target (docs/papers/xiang2019-filter.md)."""
 N_LOOKS_PER_SENSOR = 4
 """Looks of each sensor at the standing target (xiang2019, figure 5)."""
@@ -44,12 +44,12 @@ N_SEGMENT_SAMPLES = 240
 """Number of detections along a segment. Chosen by hand; not fitted."""
 N_TIMED_SAMPLES = 500
 """Number of samples that are timed (xiang2019, table 2)."""
-PAPER_TABLE_1_PER_MILLE_M2: dict[str, dict[str, tuple[float, ...]]] = {
+PAPER_TABLE_1_MEAN_SQUARE_ERRORS_PER_MILLE_M2: dict[str, dict[str, tuple[float, ...]]] = {
     "ekf": {"x": (3.08, 5.30, 3.29, 5.28), "y": (6.37, 4.72, 6.87, 6.65)},
     "ukf": {"x": (1.91, 3.12, 2.61, 4.33), "y": (5.31, 3.14, 5.14, 5.74)},
 }
 """Mean square errors of the paper's table 1, in per mille of a square metre: filter -> axis -> segments."""
-PAPER_TABLE_2_MS = {"ukf": 2.1, "ekf": 5.9}
+PAPER_TABLE_2_TIMES_OF_500_SAMPLES_MS = {"ukf": 2.1, "ekf": 5.9}
 """Times of 500 samples in the paper's table 2, in ms."""
 
 Table = dict[str, list[float] | list[str]]
@@ -90,14 +90,18 @@ def distance_error_table(n_seeds: int) -> Table:
     cent: like against like. `*_single_gain` is the mean error of one look over it. The paper has 50-400 % (radar) and
     20-150 % (lidar), and does not say of which.
     """
-    config = replace(PAPER_FILTER_CONFIG, noise=STATIC_TARGET_NOISE, start_speed_mps=STATIC_TARGET_NOISE)
+    config = replace(
+        PAPER_FILTER_CONFIG,
+        noise=PROCESS_NOISE_AND_START_SPEED_FOR_STATIC_TARGET,
+        start_speed_mps=PROCESS_NOISE_AND_START_SPEED_FOR_STATIC_TARGET,
+    )
     table: Table = {}
     for true_m in PAPER_STATIC_RANGES_M:
         errors = np.zeros((n_seeds, 5))
         for seed in range(n_seeds):
             rng = np.random.default_rng([seed, round(100 * true_m)])
-            scene = simulate_static_target(true_m, 2 * N_LOOKS_PER_SENSOR, SCENE_NOISE, rng)
-            state = filter_single_target(detection_rows_of_scene(scene, SCENE_NOISE), config).state[-1]
+            scene = simulate_static_target(true_m, 2 * N_LOOKS_PER_SENSOR, ASSUMED_SCENE_NOISE, rng)
+            state = filter_single_target(detection_rows_of_scene(scene, ASSUMED_SCENE_NOISE), config).state[-1]
             lidar_m, radar_m = np.hypot(*scene.lidar_xy.T) - true_m, scene.radar[:, 0] - true_m
             errors[seed] = (
                 abs(lidar_m.mean()),
@@ -120,14 +124,20 @@ def distance_error_table(n_seeds: int) -> Table:
 
 def combined_error_by_looks_table(n_seeds: int) -> Table:
     """Compute the combined error at 4.90 m by number of looks, down to the paper's 0.01 m."""
-    config = replace(PAPER_FILTER_CONFIG, noise=STATIC_TARGET_NOISE, start_speed_mps=STATIC_TARGET_NOISE)
+    config = replace(
+        PAPER_FILTER_CONFIG,
+        noise=PROCESS_NOISE_AND_START_SPEED_FOR_STATIC_TARGET,
+        start_speed_mps=PROCESS_NOISE_AND_START_SPEED_FOR_STATIC_TARGET,
+    )
     table: Table = {}
     for n_looks in (4, 16, 64, 256):
         errors = np.zeros(n_seeds)
         for seed in range(n_seeds):
-            scene = simulate_static_target(4.90, 2 * n_looks, SCENE_NOISE, np.random.default_rng([seed, n_looks]))
+            scene = simulate_static_target(
+                4.90, 2 * n_looks, ASSUMED_SCENE_NOISE, np.random.default_rng([seed, n_looks])
+            )
             state = filter_single_target(
-                detection_rows_of_scene(scene, SCENE_NOISE), replace(config, noise=1e-4)
+                detection_rows_of_scene(scene, ASSUMED_SCENE_NOISE), replace(config, noise=1e-4)
             ).state[-1]
             errors[seed] = abs(np.hypot(state[0], state[1]) - 4.90)
         mean, low, high = _mean_and_interval_bounds(errors)
@@ -166,9 +176,9 @@ def segment_error_table(n_seeds: int) -> Table:
     `difference` is EKF minus UKF, paired; `better` is decided by its 95 % interval.
     """
     table: Table = {}
-    for k, name in enumerate(TARGET_PATHS):
+    for k, name in enumerate(TARGET_POSITIONS_BY_PATH_SHAPE):
         errors = _paired_squared_errors_m2(
-            n_seeds, times_and_true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, PAPER_FILTER_CONFIG, k
+            n_seeds, times_and_true_states_on_path(name, N_SEGMENT_SAMPLES), ASSUMED_SCENE_NOISE, PAPER_FILTER_CONFIG, k
         )
         for axis, label in enumerate("xy"):
             ekf, ukf = (1e3 * errors[f][:, axis] for f in ("ekf", "ukf"))
@@ -178,8 +188,8 @@ def segment_error_table(n_seeds: int) -> Table:
                 difference=mean, difference_low=low, difference_high=high, better=_filter_with_smaller_error(low, high),
                 gain_pct=100.0 * mean / float(ekf.mean()), gain_low_pct=100.0 * low / float(ekf.mean()),
                 gain_high_pct=100.0 * high / float(ekf.mean()),
-                paper_ekf=PAPER_TABLE_1_PER_MILLE_M2["ekf"][label][k],
-                paper_ukf=PAPER_TABLE_1_PER_MILLE_M2["ukf"][label][k],
+                paper_ekf=PAPER_TABLE_1_MEAN_SQUARE_ERRORS_PER_MILLE_M2["ekf"][label][k],
+                paper_ukf=PAPER_TABLE_1_MEAN_SQUARE_ERRORS_PER_MILLE_M2["ukf"][label][k],
             )  # fmt: skip
     return table
 
@@ -191,9 +201,9 @@ def process_noise_table(n_seeds: int) -> Table:
         config = replace(PAPER_FILTER_CONFIG, noise=noise)
         errors = [
             _paired_squared_errors_m2(
-                n_seeds, times_and_true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, config, k
+                n_seeds, times_and_true_states_on_path(name, N_SEGMENT_SAMPLES), ASSUMED_SCENE_NOISE, config, k
             )
-            for k, name in enumerate(TARGET_PATHS)
+            for k, name in enumerate(TARGET_POSITIONS_BY_PATH_SHAPE)
         ]
         ekf, ukf = (1e3 * float(np.mean([e[f].mean() for e in errors])) for f in ("ekf", "ukf"))
         _append_row(table, process_noise=noise, ekf=ekf, ukf=ukf)
@@ -203,7 +213,9 @@ def process_noise_table(n_seeds: int) -> Table:
 def ukf_and_ekf_time_table(repeats: int = 200) -> Table:
     """Measure the time of 500 samples, the best of `repeats`, inside the process."""
     truth = times_and_true_states_on_path("arc", N_TIMED_SAMPLES)
-    rows = detection_rows_of_scene(observe_single_target(*truth, SCENE_NOISE, np.random.default_rng(0)), SCENE_NOISE)
+    rows = detection_rows_of_scene(
+        observe_single_target(*truth, ASSUMED_SCENE_NOISE, np.random.default_rng(0)), ASSUMED_SCENE_NOISE
+    )
     table: Table = {}
     for name in ("ukf", "ekf"):
         config, best = replace(PAPER_FILTER_CONFIG, filter=name), np.inf
@@ -212,7 +224,11 @@ def ukf_and_ekf_time_table(repeats: int = 200) -> Table:
             filter_single_target(rows, config)
             best = min(best, time.perf_counter() - start)
         _append_row(
-            table, filter=name, samples=float(N_TIMED_SAMPLES), time_ms=1e3 * best, paper_ms=PAPER_TABLE_2_MS[name]
+            table,
+            filter=name,
+            samples=float(N_TIMED_SAMPLES),
+            time_ms=1e3 * best,
+            paper_ms=PAPER_TABLE_2_TIMES_OF_500_SAMPLES_MS[name],
         )
     return table
 
@@ -249,7 +265,7 @@ def _append_ekf_ukf_comparison_in_radar_scene(
     truth: tuple[FloatArray, FloatArray],
 ) -> None:
     """Compare both filters in one radar scene and append the row."""
-    noise = replace(SCENE_NOISE, azimuth_rad=float(np.radians(azimuth_sigma_deg)))
+    noise = replace(ASSUMED_SCENE_NOISE, azimuth_rad=float(np.radians(azimuth_sigma_deg)))
     errors = _paired_squared_errors_m2(
         n_seeds, truth, noise, PAPER_FILTER_CONFIG, round(10 * range_m + azimuth_sigma_deg), lidar=False
     )

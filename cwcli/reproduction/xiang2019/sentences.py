@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.reproduction.xiang2019.reproduce import SCENE_NOISE, Table
+from cwcli.reproduction.xiang2019.reproduce import ASSUMED_SCENE_NOISE, Table
 from cwcli.signals.columns import FloatArray
 
 PAPER_SINGLE_SENSOR_EXCESS_PCT = {"lidar": (20.0, 150.0), "radar": (50.0, 400.0)}
@@ -19,7 +19,7 @@ MAX_MSE_DIFFERENCE_OF_EQUAL_FILTERS_PCT = 1.0
 Chosen by hand; not fitted."""
 MAX_SEGMENT_RANGE_M = 25.0
 """All of the four segments lie within this range, in m."""
-NEGLIGIBLE_BEND_SIGMAS = 0.1
+MAX_BEND_OF_NEGLIGIBLE_LINEARISATION_ERROR_SIGMAS = 0.1
 """Below this bend, in range sigmas, the linearisation error is negligible. Chosen by hand; not fitted."""
 
 
@@ -82,10 +82,10 @@ def _sentences_of_radar_scenes(table: Table) -> list[str]:
 
 def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
     """Explain why both filters are alike in the paper's scene; [] if they are not."""
-    bend = MAX_SEGMENT_RANGE_M * SCENE_NOISE.azimuth_rad**2 / (2.0 * SCENE_NOISE.range_m)
+    bend = MAX_SEGMENT_RANGE_M * ASSUMED_SCENE_NOISE.azimuth_rad**2 / (2.0 * ASSUMED_SCENE_NOISE.range_m)
     if (
         abs(_ukf_mse_reduction_relative_to_ekf_percent(tables["table_1"])) >= MAX_MSE_DIFFERENCE_OF_EQUAL_FILTERS_PCT
-        or bend >= NEGLIGIBLE_BEND_SIGMAS
+        or bend >= MAX_BEND_OF_NEGLIGIBLE_LINEARISATION_ERROR_SIGMAS
     ):
         return []
     errors = table_column(tables["settings"], "ekf")

@@ -30,7 +30,7 @@ from cwcli.signals.normal_distribution import SIGMAS_HOLDING_90_PERCENT
 from cwcli.signals.units import MPS_PER_KMH
 from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors_of_run
 from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
-from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary import BOUNDARY_NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit
 
 PATH_HORIZON_S = 2.0
@@ -75,9 +75,9 @@ DRIVE_BY_FIGURE: dict[str, DriveSetup] = {
 }
 """Figure -> the paper's drive."""
 
-TRACK_ERROR_NAME = "track over 2 s, median error"
+NAME_OF_MEDIAN_TRACK_ERROR_OVER_2_S = "track over 2 s, median error"
 """The name of the track's error among the numbers."""
-BAND_SHARE_NAME = "share of the truth in the 90 % band at 2 s"
+NAME_OF_SHARE_OF_TRUTH_IN_90_PERCENT_BAND = "share of the truth in the 90 % band at 2 s"
 """The name of the band's share among the numbers."""
 
 
@@ -174,7 +174,7 @@ def _track_deviation_plot(figure: str, title: str, curves: Sequence[Curve]) -> P
 def _boundary_from_parabola(abc: FloatArray) -> Boundary:
     """Return the boundary of three coefficients of a parabola; not found if they are NaN."""
     a, b, c = abc.tolist()
-    return Boundary(a, b, c, np.nan, np.nan, True) if np.isfinite(c) else NOT_FOUND
+    return Boundary(a, b, c, np.nan, np.nan, True) if np.isfinite(c) else BOUNDARY_NOT_FOUND
 
 
 def _predicted_path_plot(figure: str, rendered: RenderedDrive, paths: Paths) -> Plot:
@@ -214,9 +214,9 @@ def compute_drive_errors(
     return {
         "yaw rate, RMSE": float(np.degrees(np.sqrt(np.nanmean(yaw_rate**2)))),
         "v_y, RMSE": float(np.sqrt(np.nanmean(lateral**2))),
-        TRACK_ERROR_NAME: _median_track_endpoint_distance_m(truth, run, sensed, track),
+        NAME_OF_MEDIAN_TRACK_ERROR_OVER_2_S: _median_track_endpoint_distance_m(truth, run, sensed, track),
         "path at 2 s, median error": float(np.median(np.hypot(ex, ey))),
-        BAND_SHARE_NAME: float(np.mean(np.abs(ey) < SIGMAS_HOLDING_90_PERCENT * sigma)),
+        NAME_OF_SHARE_OF_TRUTH_IN_90_PERCENT_BAND: float(np.mean(np.abs(ey) < SIGMAS_HOLDING_90_PERCENT * sigma)),
     }
 
 

@@ -49,9 +49,9 @@ FIGURE_AND_NAME_OF_STEERING_CORRECTION = ("eq 13", "f(v) - 1 over v^2, half load
 """Figure and name of the factor of the speed's square in the correction of the steering angle."""
 STATE_NAMES = ("v_y", "gamma", "y_L", "e_L")
 """Names of the four states, in order."""
-PRINTED_STATE_BY_SPEED = {80.0: (-1.417, 0.4008, -3.498, -0.0582), 90.0: (-1.996, 0.418, -3.524, -0.0658)}
+PRINTED_STATE_BY_OBSERVER_SPEED_KMH = {80.0: (-1.417, 0.4008, -3.498, -0.0582), 90.0: (-1.996, 0.418, -3.524, -0.0658)}
 """Speed in km/h -> the printed state of its observer, with the labels 80 and 90 exchanged back."""
-PRINTED_GAIN_BY_SPEED = {
+PRINTED_GAIN_BY_OBSERVER_SPEED_KMH = {
     80.0: ((0.534, 2.722), (-0.442, 1.478)),
     90.0: ((0.444, 3.245), (-0.467, 1.63)),
 }
@@ -105,7 +105,7 @@ def printed_tables_part() -> StudyPart:
         "I_zz": car.yaw_inertia_kgm2,
     }
     measured += [MeasuredNumber("table 5", name, float(value)) for name, value in values.items()]
-    region = np.array(lanes.FIRST_LEFT_RANGES)
+    region = np.array(lanes.FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY)
     decoded = lanes.decode_chromosome_to_a_b_c(
         "01010100011100001011101", region[:, 0].copy(), region[:, 1].copy(), lanes.FIRST_PHASE.bits
     )
@@ -174,7 +174,7 @@ def _observer_gain_numbers() -> list[MeasuredNumber]:
             for column, source in enumerate(("y_L", "e_L"))
         ]
         for label, gain in {
-            "printed": np.array(PRINTED_GAIN_BY_SPEED[kmh]),
+            "printed": np.array(PRINTED_GAIN_BY_OBSERVER_SPEED_KMH[kmh]),
             "with R1 on the curvature": next_state_predictor_gain(kmh)[2:],
         }.items():
             of_lane = lane_state_transition_matrix(kmh) - gain
@@ -234,7 +234,9 @@ def _bank_index_of_speed(kmh: float) -> int:
 
 def _blended_print_numbers() -> list[MeasuredNumber]:
     """Return the blend (eq. 22) of the printed observers."""
-    blended = 0.2 * np.array(PRINTED_STATE_BY_SPEED[80.0]) + 0.8 * np.array(PRINTED_STATE_BY_SPEED[90.0])
+    blended = 0.2 * np.array(PRINTED_STATE_BY_OBSERVER_SPEED_KMH[80.0]) + 0.8 * np.array(
+        PRINTED_STATE_BY_OBSERVER_SPEED_KMH[90.0]
+    )
     return [
         MeasuredNumber("eq 22", f"blend of the two printed observers: {state}", float(value))
         for state, value in zip(STATE_NAMES, blended, strict=True)

@@ -25,11 +25,11 @@ from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
 from cwcli.vision.methods import METHODS, methods_without_model
 
-N_UNSTABLE_FRAMES = 6
+N_FRAMES_BEFORE_STABLE_PHASE = 6
 """Frames of the first two search phases, which the paper calls not yet stable (section 1.2.2.1)."""
 N_JUDGED_FRAMES = 10
 """Frames of each drive that are judged. Chosen by hand; not fitted."""
-N_SEARCHED_ROWS = 150
+N_SEARCHED_IMAGE_ROWS_FROM_BOTTOM = 150
 """Rows from the bottom, of 240, that the paper searches (section 1.1); the rows above are not judged."""
 
 
@@ -60,7 +60,7 @@ def run_methods_on_drives(
         seed: Of the set and of random searches.
     """
     chosen = methods_without_model() if methods is None else methods
-    n_frames = N_UNSTABLE_FRAMES + N_JUDGED_FRAMES
+    n_frames = N_FRAMES_BEFORE_STABLE_PHASE + N_JUDGED_FRAMES
     shape = (last - first, n_frames)
     found = {
         key: MethodResults(np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.zeros(shape), np.zeros(shape))
@@ -133,7 +133,7 @@ def is_fit_correct(frame: RoadFrame, fit: LaneFit, size: tuple[int, int], *, by_
     truth = frame.truth
     height, width = frame.grey.shape
     rows = np.arange(height)
-    is_searched = rows >= height - round(N_SEARCHED_ROWS * height / 240)
+    is_searched = rows >= height - round(N_SEARCHED_IMAGE_ROWS_FROM_BOTTOM * height / 240)
     left, right = (boundary_columns_px(each, (width, height), size) for each in (fit.left, fit.right))
     return visual_standard_score(
         BoundaryColumns(

@@ -14,8 +14,8 @@ from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.reproduction.findings_report import PROCESSOR_TIMES_SECTION_KEY
 from cwcli.reproduction.zhang2011.lane_drives import (
+    N_FRAMES_BEFORE_STABLE_PHASE,
     N_JUDGED_FRAMES,
-    N_UNSTABLE_FRAMES,
     MethodResults,
     run_methods_on_drives,
 )
@@ -26,15 +26,19 @@ CONCLUSION_FIGURE = "conclusion 1"
 """The paper's conclusion on the lanes, as the expectations name it."""
 ROAD_SET_NAMES = ("good", "complex", "hard")
 """Names of the rendered sets of roads."""
-PAPER_CORRECT_PERCENT = {"good": 100.0, "complex": 90.0}
+PAPER_CORRECT_FRAMES_PERCENT_BY_ROAD_SET = {"good": 100.0, "complex": 90.0}
 """Set -> per cent of frames whose boundaries are found (zhang2011, conclusion 1)."""
-PHASE_FRAME_RANGES = (("frame 1", 0, 1), ("frames 2-6", 1, N_UNSTABLE_FRAMES), ("later", N_UNSTABLE_FRAMES, None))
+FRAME_RANGES_OF_LANE_SEARCH_PHASES = (
+    ("frame 1", 0, 1),
+    ("frames 2-6", 1, N_FRAMES_BEFORE_STABLE_PHASE),
+    ("later", N_FRAMES_BEFORE_STABLE_PHASE, None),
+)
 """Name of a search phase, its first frame and the frame after its last (table 4)."""
-PAPER_SEARCH_MS = {"frame 1": 210.0, "frames 2-6": 150.0, "later": 30.0}
+PAPER_SEARCH_TIME_PER_FRAME_BY_PHASE_MS = {"frame 1": 210.0, "frames 2-6": 150.0, "later": 30.0}
 """Phase -> what a frame takes on the paper's machine, in ms (zhang2011, table 4)."""
 HELD_OUT_SEED = 2011
 """Seed of the judged sets, drawn once and held out: sets and methods were made with seeds 0, 1 and 2."""
-DRIVES_PER_TASK = 5
+DRIVES_PER_WORKER_PROCESS_TASK = 5
 """Number of drives that one task of a process runs. Chosen by hand; not fitted."""
 
 Results = Mapping[str, Mapping[str, MethodResults]]
@@ -81,9 +85,9 @@ def run_lane_study(
 def _run_methods_on_all_sets(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -> Results:
     """Run all methods on all sets, in processes if wanted."""
     tasks = [
-        (name, first, min(first + DRIVES_PER_TASK, n_drives))
+        (name, first, min(first + DRIVES_PER_WORKER_PROCESS_TASK, n_drives))
         for name in ROAD_SET_NAMES
-        for first in range(0, n_drives, DRIVES_PER_TASK)
+        for first in range(0, n_drives, DRIVES_PER_WORKER_PROCESS_TASK)
     ]
     found: dict[str, list[dict[str, MethodResults]]] = {name: [] for name in ROAD_SET_NAMES}
 
@@ -121,14 +125,15 @@ def _correct_share_numbers(name: str, key: str, results: Results) -> list[Measur
     method_results = results[name][key]
     return [
         _correct_frames_pct_with_interval(
-            f"{key}, {name}: both boundaries right", method_results.is_correct[:, N_UNSTABLE_FRAMES:]
+            f"{key}, {name}: both boundaries right", method_results.is_correct[:, N_FRAMES_BEFORE_STABLE_PHASE:]
         ),
         _correct_frames_pct_with_interval(
-            f"{key}, {name}: the same in the first six frames", method_results.is_correct[:, :N_UNSTABLE_FRAMES]
+            f"{key}, {name}: the same in the first six frames",
+            method_results.is_correct[:, :N_FRAMES_BEFORE_STABLE_PHASE],
         ),
         _correct_frames_pct_with_interval(
             f"{key}, {name}: the same by the stripe's centre",
-            method_results.is_correct_by_centre[:, N_UNSTABLE_FRAMES:],
+            method_results.is_correct_by_centre[:, N_FRAMES_BEFORE_STABLE_PHASE:],
         ),
     ]
 
@@ -150,14 +155,18 @@ def _correct_share_plot(name: str, methods: Mapping[str, MethodResults]) -> Plot
         )
         for key, method_results in methods.items()
     ]
-    level = ("the paper's", PAPER_CORRECT_PERCENT[name]) if name in PAPER_CORRECT_PERCENT else None
+    level = (
+        ("the paper's", PAPER_CORRECT_FRAMES_PERCENT_BY_ROAD_SET[name])
+        if name in PAPER_CORRECT_FRAMES_PERCENT_BY_ROAD_SET
+        else None
+    )
     return Plot(
         f"lanes {name}",
         f"frames of the set '{name}' with both boundaries right",
         "frame of the drive",
         "share [%]",
         curves,
-        marks={"statistics begin": N_UNSTABLE_FRAMES + 0.5},
+        marks={"statistics begin": N_FRAMES_BEFORE_STABLE_PHASE + 0.5},
         level=level,
         y_range=(0.0, 105.0),
     )
@@ -167,13 +176,21 @@ def _times_section(results: Results) -> SummaryTable:
     """Return the processor time of a frame, both boundaries, as medians over all sets, beside the paper's."""
     rows: list[tuple[Cell, ...]] = []
     for key in methods_without_model():
-        for phase, first, last in PHASE_FRAME_RANGES:
+        for phase, first, last in FRAME_RANGES_OF_LANE_SEARCH_PHASES:
             of_sets = [each[key] for each in results.values()]
             search, prepare = (
                 float(np.median(np.concatenate([times[:, first:last].ravel() for times in of_kind])))
                 for of_kind in ([each.search_ms for each in of_sets], [each.prepare_ms for each in of_sets])
             )
-            rows.append((key, phase, search, prepare, PAPER_SEARCH_MS[phase] if key == "zhang2011" else None))
+            rows.append(
+                (
+                    key,
+                    phase,
+                    search,
+                    prepare,
+                    PAPER_SEARCH_TIME_PER_FRAME_BY_PHASE_MS[phase] if key == "zhang2011" else None,
+                )
+            )
     columns = ("method", "phase", "search [ms]", "before it [ms]", "the paper's [ms]")
     return SummaryTable(
         PROCESSOR_TIMES_SECTION_KEY,

@@ -15,14 +15,14 @@ from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_zhang2011_run
 
-CONVERGED_ERROR_PERCENT = 10.0
+MAX_ERROR_OF_CONVERGED_OBSERVER_PERCENT = 10.0
 """An observer has converged where its error stays below this, in per cent of the true value, the bound of zhang2011."""
 STATIC_ERROR_WINDOW_S = 1.0
 """Length of the last part of a run, s, whose largest error is the static error. Chosen by hand; not fitted."""
-EQUAL_STATIC_ERROR_PERCENT = 0.05
+MAX_STATIC_ERROR_TREATED_AS_ZERO_PERCENT = 0.05
 """Static errors below this, in per cent, count as equal, as both are practically zero. Chosen by hand; not fitted."""
 
-EXACT_SENSOR_NOISE = FilterNoise(
+FILTER_NOISE_FOR_NOISE_FREE_RUNS = FilterNoise(
     lateral_sigma_m=0.01,
     heading_sigma_rad=0.001,
     curvature_sigma_1pm=1e-5,
@@ -59,7 +59,7 @@ def compute_observer_errors(run: LinearRun, track: LateralTrack) -> ObserverErro
     static = percent[last].max(axis=0)
     converged = []
     for column in percent.T:
-        bad = np.flatnonzero(~(column < CONVERGED_ERROR_PERCENT))
+        bad = np.flatnonzero(~(column < MAX_ERROR_OF_CONVERGED_OBSERVER_PERCENT))
         first = 0 if not len(bad) else int(bad[-1]) + 1
         converged.append(float(run.time_s[first]) if first < len(column) else math.nan)
     return ObserverErrors((float(static[0]), float(static[1])), (converged[0], converged[1]))
@@ -68,7 +68,7 @@ def compute_observer_errors(run: LinearRun, track: LateralTrack) -> ObserverErro
 def observer_setups_for_run(run: PaperRun, vehicle: Vehicle) -> dict[str, tuple[Vehicle, ObserverConfig]]:
     """Return name -> the car that the observer assumes and its options, for one run."""
     car = vehicle.with_load(run.load)
-    ours = ObserverConfig(noise=EXACT_SENSOR_NOISE)
+    ours = ObserverConfig(noise=FILTER_NOISE_FOR_NOISE_FREE_RUNS)
     chosen = {"zhang2011": (car, ObserverConfig("zhang2011")), "cwcli": (car, ours)}
     if car.mass_kg != vehicle.mass_kg:
         chosen |= {
@@ -76,7 +76,7 @@ def observer_setups_for_run(run: PaperRun, vehicle: Vehicle) -> dict[str, tuple[
             "cwcli, told half load": (vehicle, ours),
             "cwcli, told half load, estimates the load": (
                 vehicle,
-                ObserverConfig(noise=EXACT_SENSOR_NOISE, estimate_load=True),
+                ObserverConfig(noise=FILTER_NOISE_FOR_NOISE_FREE_RUNS, estimate_load=True),
             ),
         }
     return chosen
@@ -104,12 +104,18 @@ def simulated_run_part(figure: str, vehicle: Vehicle | None = None) -> StudyPart
             measured.append(MeasuredNumber(figure, f"{other}: static error of {name}", found.static_percent[k]))
             if other in ("zhang2011", "cwcli"):
                 measured.append(MeasuredNumber(figure, f"{other}: {name} converged", found.converged_s[k]))
-        allowed = max(errors["zhang2011"].static_percent[k], EQUAL_STATIC_ERROR_PERCENT)
-        what = f"cwcli: static error of {name} above zhang2011's, or above {EQUAL_STATIC_ERROR_PERCENT:g} %"
+        allowed = max(errors["zhang2011"].static_percent[k], MAX_STATIC_ERROR_TREATED_AS_ZERO_PERCENT)
+        what = (
+            f"cwcli: static error of {name} above zhang2011's, or above {MAX_STATIC_ERROR_TREATED_AS_ZERO_PERCENT:g} %"
+        )
         measured.append(MeasuredNumber(figure, what, errors["cwcli"].static_percent[k] - allowed))
     if figure == "fig 16":
         curves.append(
-            Curve("printed bound of v_y, 10 %", run.time_s, -0.01 * (100.0 - CONVERGED_ERROR_PERCENT) * run.state[:, 0])
+            Curve(
+                "printed bound of v_y, 10 %",
+                run.time_s,
+                -0.01 * (100.0 - MAX_ERROR_OF_CONVERGED_OBSERVER_PERCENT) * run.state[:, 0],
+            )
         )
     speed = f"{settings.start_kmh:g} km/h"
     if settings.accel_mps2:

@@ -16,7 +16,7 @@ from cwcli.metrics.intervals import proportion_interval
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.reproduction.zhang2011.lane_drives import (
-    N_UNSTABLE_FRAMES,
+    N_FRAMES_BEFORE_STABLE_PHASE,
     boundary_columns_px,
     camera_for_lane_methods,
     is_fit_correct,
@@ -25,14 +25,14 @@ from cwcli.reproduction.zhang2011.lanes import HELD_OUT_SEED
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.drive import RoadDrive, iter_set_drives
 from cwcli.simulation.road.render import RoadFrame
-from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary import BOUNDARY_NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit, LaneFrame
 from cwcli.vision.objective import PAPER_HEIGHT_PX, PAPER_WIDTH_PX, BlockResponses, compute_block_responses
 from cwcli.vision.zhang2011 import (
     CROSSOVER_PROBABILITY,
-    FIRST_LEFT_RANGES,
     FIRST_PHASE,
-    FIRST_RIGHT_RANGES,
+    FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY,
+    FIRST_SEARCH_RANGES_OF_RIGHT_BOUNDARY,
     METHOD,
     MUTATION_PROBABILITY,
     genetic_settings,
@@ -40,13 +40,13 @@ from cwcli.vision.zhang2011 import (
 
 IMAGE_SIZE_PX = (PAPER_WIDTH_PX, PAPER_HEIGHT_PX)
 """Width and height of the paper's image, in pixels."""
-N_SEARCHED_FRAMES = 40
+N_FIRST_FRAMES_FOR_RATE_COMPARISON = 40
 """Number of first frames over which the rates are compared. Chosen by hand; not fitted."""
 EXAMPLE_ROAD_SET = "complex"
 """The set of roads whose frames are searched. Chosen by hand; not fitted."""
 HIGH_MUTATION_RATE = 0.9
 """A mutation rate that is too high; the paper shows one without printing it. Chosen by hand; not fitted."""
-RATES_BY_FIGURE: dict[str, tuple[float, float]] = {
+CROSSOVER_AND_MUTATION_RATES_BY_FIGURE: dict[str, tuple[float, float]] = {
     "fig 3": (0.4, MUTATION_PROBABILITY),
     "fig 4": (CROSSOVER_PROBABILITY, MUTATION_PROBABILITY),
     "fig 5": (0.5, MUTATION_PROBABILITY),
@@ -57,12 +57,12 @@ RATES_BY_FIGURE: dict[str, tuple[float, float]] = {
 """Figure -> rates of crossover and of mutation; the paper's but for `HIGH_MUTATION_RATE`."""
 SHOWN_GENERATIONS = (1, 2, 5, 10, 20, 40, 60, 90, 120, 150, 180)
 """Generations at which the convergence is plotted. Chosen by hand; not fitted."""
-MIN_BOUNDARY_GAP_PX = 4.0
+MIN_GAP_BETWEEN_DRAWN_LANE_BOUNDARIES_PX = 4.0
 """Both boundaries end where they come nearer to each other, in pixels. Chosen by hand; not fitted."""
-SEEN_STATIONS_M = np.arange(0.0, 61.0, 5.0)
+ROAD_STATIONS_FOR_TELLING_BEND_FROM_STRAIGHT_M = np.arange(0.0, 61.0, 5.0)
 """Stations of the road, in m, that tell a bend from a straight: as far as a frame shows the curvature well. Chosen
 by hand."""
-N_CANDIDATE_DRIVES = 20
+N_DRIVES_SEARCHED_FOR_EXAMPLE_BEND_AND_STRAIGHT = 20
 """Number of drives among which the bend and the straight of figures 9 and 10 are chosen. Chosen by hand; not fitted."""
 
 
@@ -76,14 +76,14 @@ class PreparedFrame:
 
 def crossover_and_mutation_rates_part() -> StudyPart:
     """Compute figures 3 to 8, and plot the objective over the generations for all of their rates."""
-    drives = iter_set_drives(EXAMPLE_ROAD_SET, N_SEARCHED_FRAMES, seed=HELD_OUT_SEED, n_frames=2)
+    drives = iter_set_drives(EXAMPLE_ROAD_SET, N_FIRST_FRAMES_FOR_RATE_COMPARISON, seed=HELD_OUT_SEED, n_frames=2)
     prepared_frames = [
         PreparedFrame(frame, compute_block_responses(frame.grey))
         for frame in (drive.render_frame_at(0) for drive in drives)
     ]
     measured, plots = [], []
     shares: dict[str, float] = {}
-    for figure, rates in RATES_BY_FIGURE.items():
+    for figure, rates in CROSSOVER_AND_MUTATION_RATES_BY_FIGURE.items():
         fits = [
             _search_both_boundaries(each, k, rates, FIRST_PHASE.generations)[0]
             for k, each in enumerate(prepared_frames)
@@ -107,12 +107,18 @@ def crossover_and_mutation_rates_part() -> StudyPart:
         _best_objective_by_generation_plot(
             "crossover rates",
             prepared_frames,
-            {f"crossover {RATES_BY_FIGURE[f][0]:g}": RATES_BY_FIGURE[f] for f in tuple(RATES_BY_FIGURE)[:4]},
+            {
+                f"crossover {CROSSOVER_AND_MUTATION_RATES_BY_FIGURE[f][0]:g}": CROSSOVER_AND_MUTATION_RATES_BY_FIGURE[f]
+                for f in tuple(CROSSOVER_AND_MUTATION_RATES_BY_FIGURE)[:4]
+            },
         ),
         _best_objective_by_generation_plot(
             "mutation rates",
             prepared_frames,
-            {f"mutation {RATES_BY_FIGURE[f][1]:g}": RATES_BY_FIGURE[f] for f in tuple(RATES_BY_FIGURE)[4:]},
+            {
+                f"mutation {CROSSOVER_AND_MUTATION_RATES_BY_FIGURE[f][1]:g}": CROSSOVER_AND_MUTATION_RATES_BY_FIGURE[f]
+                for f in tuple(CROSSOVER_AND_MUTATION_RATES_BY_FIGURE)[4:]
+            },
         ),
     ]
     return StudyPart(tuple(measured), tuple(plots))
@@ -120,9 +126,14 @@ def crossover_and_mutation_rates_part() -> StudyPart:
 
 def bend_and_straight_part() -> StudyPart:
     """Plot figures 9 and 10: a bend and a straight, followed as in a video until the third phase."""
-    n_frames = N_UNSTABLE_FRAMES + 1
-    drives = list(iter_set_drives("good", N_CANDIDATE_DRIVES, seed=HELD_OUT_SEED, n_frames=n_frames))
-    curvatures_1pm = [np.interp(SEEN_STATIONS_M, drive.knots_m, drive.curvature_1pm) for drive in drives]
+    n_frames = N_FRAMES_BEFORE_STABLE_PHASE + 1
+    drives = list(
+        iter_set_drives("good", N_DRIVES_SEARCHED_FOR_EXAMPLE_BEND_AND_STRAIGHT, seed=HELD_OUT_SEED, n_frames=n_frames)
+    )
+    curvatures_1pm = [
+        np.interp(ROAD_STATIONS_FOR_TELLING_BEND_FROM_STRAIGHT_M, drive.knots_m, drive.curvature_1pm)
+        for drive in drives
+    ]
     bend = int(np.argmax([abs(float(curvature_1pm.mean())) for curvature_1pm in curvatures_1pm]))
     straight = int(np.argmin([float(np.abs(curvature_1pm).max()) for curvature_1pm in curvatures_1pm]))
     chosen = {"fig 9": ("a bend", bend), "fig 10": ("a straight", straight)}
@@ -141,7 +152,7 @@ def frame_with_boundaries_plot(
         boundary_columns_px(boundary, IMAGE_SIZE_PX, IMAGE_SIZE_PX)[::-1][: len(y)]
         for boundary in (fit.left, fit.right)
     ]
-    meet = np.maximum.accumulate(both[1] - both[0] < MIN_BOUNDARY_GAP_PX)
+    meet = np.maximum.accumulate(both[1] - both[0] < MIN_GAP_BETWEEN_DRAWN_LANE_BOUNDARIES_PX)
     for label, columns in zip(("left", "right"), both, strict=True):
         inside = (columns >= 0.0) & (columns < PAPER_WIDTH_PX) & ~meet
         lines.append(Curve(label, np.where(inside, columns + 0.5, np.nan), y))
@@ -154,7 +165,7 @@ def frame_with_boundaries_plot(
 def _followed_drive_plot(figure: str, text: str, drive: RoadDrive, seed: int) -> Plot:
     """Follow the lane along a drive and plot its last frame."""
     search = METHOD.make(seed)
-    fit = LaneFit(NOT_FOUND, NOT_FOUND)
+    fit = LaneFit(BOUNDARY_NOT_FOUND, BOUNDARY_NOT_FOUND)
     frame = drive.render_frame_at(0)
     for k, frame in enumerate(drive.iter_rendered_frames()):
         stamp_ns = round(float(drive.time_s[k]) * 1e9)
@@ -174,7 +185,10 @@ def _search_both_boundaries(
     genetic["generations"] = generations
     found, total = [], 0.0
     for side, (responses, region) in enumerate(
-        ((frame.responses.left, FIRST_LEFT_RANGES), (frame.responses.right, FIRST_RIGHT_RANGES))
+        (
+            (frame.responses.left, FIRST_SEARCH_RANGES_OF_LEFT_BOUNDARY),
+            (frame.responses.right, FIRST_SEARCH_RANGES_OF_RIGHT_BOUNDARY),
+        )
     ):
         bounds: npt.NDArray[np.float64] = np.array(region)
         low, high = np.ascontiguousarray(bounds[:, 0]), np.ascontiguousarray(bounds[:, 1])

@@ -17,29 +17,29 @@ from cwcli.reproduction.zhang2011.labelled import labelled_frames_part
 from cwcli.reproduction.zhang2011.lanes import run_lane_study
 from cwcli.reproduction.zhang2011.motion import simulated_run_part
 from cwcli.reproduction.zhang2011.pictures import (
-    RATES_BY_FIGURE,
+    CROSSOVER_AND_MUTATION_RATES_BY_FIGURE,
     bend_and_straight_part,
     crossover_and_mutation_rates_part,
 )
 from cwcli.simulation.single_track import PAPER_RUNS
 from cwcli.vision.methods import DEFAULT_METHOD
 
-FRAMES_PER_RENDERED_DRIVE = 250
+ROAD_SET_FRAMES_FOR_EACH_RENDERED_DRIVE = 250
 """Figures 17 to 19 render one drive for this many frames of a set, which is about as much work."""
-LANE_FIGURES = ("conclusion 1", "table 4")
+PAPER_PARTS_COVERED_BY_LANE_STUDY = ("conclusion 1", "table 4")
 """The parts of the paper that the lane study covers."""
 
 
 def reproduce_zhang2011(request: ReproductionRequest) -> Reproduction:
     """Run the study."""
-    n_rendered_drives = min(request.frames // FRAMES_PER_RENDERED_DRIVE, request.seeds)
+    n_rendered_drives = min(request.frames // ROAD_SET_FRAMES_FOR_EACH_RENDERED_DRIVE, request.seeds)
     parts: list[StudyPart] = []
     sections: list[SummaryTable] = []
     if request.labelled is not None and request.wants_any_of((LABELLED,)):
         # First and in this process: a file that is no log is told at once, and it is remembered as an input.
         parts.append(_report_part_done(LABELLED, labelled_frames_part(request.labelled), request.tick))
     note = f"{min(request.seeds, MAX_DRIVE_SEEDS)} seeds, {n_rendered_drives} of them rendered"
-    if request.wants_any_of(LANE_FIGURES):
+    if request.wants_any_of(PAPER_PARTS_COVERED_BY_LANE_STUDY):
         study = run_lane_study(request.frames, jobs=request.jobs, tick=request.tick)
         parts.append(study.shares_part)
         sections.append(study.times)
@@ -57,7 +57,7 @@ def _run_other_parts(request: ReproductionRequest, n_rendered_drives: int) -> li
             rendered = partial(drive_errors_part, figure, n_rendered_drives, lane_method=DEFAULT_METHOD)
             tasks[f"{figure}, rendered"] = (figure,), rendered
         tasks[figure] = (figure,), partial(drive_errors_part, figure, request.seeds)
-    tasks["search"] = tuple(RATES_BY_FIGURE), crossover_and_mutation_rates_part
+    tasks["search"] = tuple(CROSSOVER_AND_MUTATION_RATES_BY_FIGURE), crossover_and_mutation_rates_part
     tasks["roads"] = ("fig 9", "fig 10"), bend_and_straight_part
     tasks["tables"] = ("table 1", "table 2", "table 3", "table 4", "table 5", "eq 5"), printed_tables_part
     tasks["worked example"] = ("eq 13", "fig 13", "eq 17", "eq 22"), worked_example_part

@@ -17,7 +17,7 @@ FOCAL_LENGTH_TO_IMAGE_SIDE_RANGE = (0.02, 200.0)
 chosen by hand."""
 MAX_PRINCIPAL_POINT_TO_IMAGE_SIDE = 10.0
 """The largest ratio (1) of the principal point's coordinates to the larger image side; chosen by hand."""
-MAX_FOCAL_LENGTH_RATIO = 3.0
+MAX_RATIO_BETWEEN_X_AND_Y_FOCAL_LENGTHS = 3.0
 """The largest ratio (1) between both focal lengths; chosen by hand."""
 
 
@@ -83,6 +83,6 @@ def _has_plausible_intrinsics(matrix: FloatArray, size: FloatArray) -> bool:
     )
     return (
         has_focal
-        and bool(focal.max() <= MAX_FOCAL_LENGTH_RATIO * focal.min())
+        and bool(focal.max() <= MAX_RATIO_BETWEEN_X_AND_Y_FOCAL_LENGTHS * focal.min())
         and bool((np.abs(centre) <= MAX_PRINCIPAL_POINT_TO_IMAGE_SIDE * longer).all())
     )

@@ -22,7 +22,7 @@ from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, nan_beyond_limit
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.role import Role
 
-MIN_LOG_DELAY_S, MAX_LOG_DELAY_S = -0.5, 2.0
+MIN_MEDIAN_LOG_DELAY_AFTER_STAMP_WITHOUT_NOTE_S, MAX_MEDIAN_LOG_DELAY_AFTER_STAMP_WITHOUT_NOTE_S = -0.5, 2.0
 """The least and greatest median delay of log times after stamps, in seconds, that needs no note: the range in which
 latencies are searched."""
 
@@ -162,7 +162,12 @@ def _timeline_with_clock_note(
     """
     timeline = repair_and_order_times(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, values)
     delay_s = ledger.quality.delay_s
-    if not MIN_LOG_DELAY_S <= delay_s <= MAX_LOG_DELAY_S and np.isfinite(delay_s):
+    if (
+        not MIN_MEDIAN_LOG_DELAY_AFTER_STAMP_WITHOUT_NOTE_S
+        <= delay_s
+        <= MAX_MEDIAN_LOG_DELAY_AFTER_STAMP_WITHOUT_NOTE_S
+        and np.isfinite(delay_s)
+    ):
         ledger.add_note(
             f"its stamps are {delay_s:.1f} s before the log times; if its clock differs from others, use --clock log"
         )

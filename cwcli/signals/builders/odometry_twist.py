@@ -15,9 +15,9 @@ from cwcli.signals.direction_of_travel import ComplexArray, travel_direction_and
 from cwcli.signals.leaf_fields import find_field, read_matrix, read_numbers, read_stamps
 from cwcli.signals.quality import RowLedger
 
-MIN_SPEED_FOR_AXES_MPS = 0.5
+MIN_SPEED_OF_ROWS_THAT_TELL_TWIST_AXES_MPS = 0.5
 """Least speed in m/s of rows that tell in which axes a twist is. Chosen by hand."""
-MIN_ROWS_FOR_AXES = 10
+MIN_MOVING_ROWS_THAT_TELL_TWIST_AXES = 10
 """Least number of rows in motion that tell in which axes a twist is. Chosen by hand; not fitted."""
 MAX_SIDEWAYS_TO_FORWARD_SPEED_RATIO = 0.1
 """Greatest sideways part of a car's velocity, as a share of its forward part. Chosen by hand."""
@@ -167,7 +167,9 @@ def _is_twist_in_map_axes(
         driven = np.diff(position_m[:, 0] + 1j * position_m[:, 1]) / step_s
     as_map, as_child = (0.5 * (each[:-1] + each[1:]) for each in (in_map, in_child))
     use = has_stamp[:-1] & has_stamp[1:] & (step_s > 0.0) & np.isfinite(driven)
-    use &= np.isfinite(as_map) & np.isfinite(as_child) & (np.abs(in_map[:-1]) > MIN_SPEED_FOR_AXES_MPS)
-    if np.count_nonzero(use) < MIN_ROWS_FOR_AXES:
+    use &= (
+        np.isfinite(as_map) & np.isfinite(as_child) & (np.abs(in_map[:-1]) > MIN_SPEED_OF_ROWS_THAT_TELL_TWIST_AXES_MPS)
+    )
+    if np.count_nonzero(use) < MIN_MOVING_ROWS_THAT_TELL_TWIST_AXES:
         return False
     return bool(np.mean(np.abs(driven - as_map)[use]) < 0.5 * np.mean(np.abs(driven - as_child)[use]))

@@ -20,7 +20,7 @@ from cwcli.signals.quality import RowLedger
 
 PVT_MODE_BITS = 15
 """The bits of `mode` that hold the type of the solution; 0 is no solution (SBF reference guide)."""
-DO_NOT_USE_MAGNITUDE = 1e10
+MIN_MAGNITUDE_OF_DO_NOT_USE_NUMBER = 1e10
 """The magnitude from which a number means "do not use"; SBF writes -2e10."""
 DO_NOT_USE_UINT16, DO_NOT_USE_UINT32 = 65_535, 4_294_967_295
 """The unsigned numbers of 16 and 32 bits that mean "do not use" (SBF reference guide)."""
@@ -81,4 +81,4 @@ def _read_stamps_or_gps_time_and_is_usable(columns: Columns, ledger: RowLedger) 
 
 def _read_usable_numbers(columns: Columns, name: str) -> FloatArray:
     values = read_numbers(columns, name)
-    return np.where(np.abs(values) < DO_NOT_USE_MAGNITUDE, values, np.nan)
+    return np.where(np.abs(values) < MIN_MAGNITUDE_OF_DO_NOT_USE_NUMBER, values, np.nan)

@@ -14,7 +14,7 @@ from cwcli.signals.limits import MAX_COORDINATE_M, reject_rows_beyond_limit
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.vehicle_state import MAP_FRAME
 
-ONLY_TARGET_ID = "1"
+ID_OF_TARGET_WHOSE_MESSAGES_GIVE_NO_ID = "1"
 """The id of a target whose messages give none."""
 
 
@@ -27,7 +27,7 @@ def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSig
     signal = TargetTruthSignal(
         source=pose.source,
         frame_id=pose.frame_id,
-        id=repeat_string(ONLY_TARGET_ID, n),
+        id=repeat_string(ID_OF_TARGET_WHOSE_MESSAGES_GIVE_NO_ID, n),
         stamp_ns=pose.stamp_ns,
         log_time_ns=pose.log_time_ns,
         x_m=pose.x_m,
@@ -58,7 +58,7 @@ def _make_target_truth_signal(
     ledger = RowLedger(columns, reading.role)
     x_m, y_m = read_numbers(columns, "x_m"), read_numbers(columns, "y_m")
     reject_rows_beyond_limit(ledger, np.stack([x_m, y_m], axis=1), MAX_COORDINATE_M)
-    ids = read_texts(columns, "id") or repeat_string(ONLY_TARGET_ID, len(columns))
+    ids = read_texts(columns, "id") or repeat_string(ID_OF_TARGET_WHOSE_MESSAGES_GIVE_NO_ID, len(columns))
     stamp_ns, has_stamp = read_integers(columns, "stamp_ns")
     has_stamp &= stamp_ns > 0
     timeline = repair_and_order_times(ledger, stamp_ns, has_stamp, reading.clock, [x_m, y_m], sender=ids.codes)

@@ -25,7 +25,7 @@ FIX_OK_BIT, VEHICLE_HEADING_BIT = 1, 32
 """The bits of `flags` that say that the fix is valid and that the vehicle's heading is valid."""
 INVALID_POSITION_BIT = 1
 """The bit of `reserved1` (`flags3` of newer receivers) that marks the position as invalid."""
-DEG_PER_COUNT, COMPASS_DEG_PER_COUNT = 1e-7, 1e-5
+DEG_PER_POSITION_COUNT, DEG_PER_HEADING_COUNT = 1e-7, 1e-5
 """One count of a position and of a heading, in degrees."""
 M_PER_MM = 1e-3
 """One millimetre in metres."""
@@ -46,8 +46,8 @@ def read_nav_pvt(columns: Columns, ledger: RowLedger) -> GnssFix:
         & (fix_type < TIME_ONLY_FIX_TYPE)
         & _all_bits_set_mask(columns, "flags", FIX_OK_BIT)
     )
-    compass_deg = COMPASS_DEG_PER_COUNT * read_numbers(columns, "head_veh", "headVeh")
-    heading_sigma = np.deg2rad(COMPASS_DEG_PER_COUNT * read_numbers(columns, "head_acc", "headAcc"))
+    compass_deg = DEG_PER_HEADING_COUNT * read_numbers(columns, "head_veh", "headVeh")
+    heading_sigma = np.deg2rad(DEG_PER_HEADING_COUNT * read_numbers(columns, "head_acc", "headAcc"))
     has_heading = _all_bits_set_mask(columns, "flags", VEHICLE_HEADING_BIT)
     position_sigma, velocity_sigma = (
         M_PER_MM * read_numbers(columns, *names) for names in (("h_acc", "hAcc"), ("s_acc", "sAcc"))
@@ -58,8 +58,8 @@ def read_nav_pvt(columns: Columns, ledger: RowLedger) -> GnssFix:
             undo_week_rollover(ledger, stamp_ns, is_time),
             is_time,
             is_fix=is_placed,
-            latitude_deg=DEG_PER_COUNT * read_numbers(columns, "lat"),
-            longitude_deg=DEG_PER_COUNT * read_numbers(columns, "lon"),
+            latitude_deg=DEG_PER_POSITION_COUNT * read_numbers(columns, "lat"),
+            longitude_deg=DEG_PER_POSITION_COUNT * read_numbers(columns, "lon"),
             altitude_m=M_PER_MM * read_numbers(columns, "height"),
             position_covariance_m2=plane_covariances_of_same_variance(position_sigma**2),
             velocity_mps=np.stack(velocity, axis=1),

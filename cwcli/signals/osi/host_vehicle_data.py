@@ -33,17 +33,24 @@ from cwcli.signals.quality import Quality, RowLedger
 
 GEODETIC_POSITION_PATH = "vehicle_localization.geodetic_position"
 """The path of the vehicle's WGS84 position."""
-POSE_PARTS = ("vehicle_localization", "location", "vehicle_motion")
+MESSAGE_PARTS_THAT_CAN_HOLD_POSE = ("vehicle_localization", "location", "vehicle_motion")
 """The parts of the message that can hold the pose, best first."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | PositionSignal, Quality]:
     """Build the host's poses from the first part that holds one, else fixes from its WGS84 position."""
     ledger = RowLedger(columns, reading.role)
-    part = next((part for part in POSE_PARTS if np.isfinite(read_numbers(columns, f"{part}.position.x")).any()), None)
+    part = next(
+        (
+            part
+            for part in MESSAGE_PARTS_THAT_CAN_HOLD_POSE
+            if np.isfinite(read_numbers(columns, f"{part}.position.x")).any()
+        ),
+        None,
+    )
     if part is None and np.isfinite(read_numbers(columns, f"{GEODETIC_POSITION_PATH}.latitude")).any():
         return _build_geodetic_position(columns, reading, ledger)
-    part = part or POSE_PARTS[0]
+    part = part or MESSAGE_PARTS_THAT_CAN_HOLD_POSE[0]
     place = np.stack([read_numbers(columns, f"{part}.position.{axis}") for axis in "xy"], axis=1)
     if part == "vehicle_motion":
         ledger.add_note(

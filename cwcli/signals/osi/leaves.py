@@ -6,15 +6,15 @@ from cwcli.signals.builders.base import Fields, Input
 from cwcli.signals.input_rows import builder_imported_at_first_call
 from cwcli.signals.role import Role
 
-GROUND_TRUTH_PREFIX = ""
+GROUND_TRUTH_PATH_PREFIX_IN_GROUND_TRUTH_MESSAGE = ""
 """The path prefix of the GroundTruth in a message that is one."""
-SENSOR_VIEW_PREFIX = "global_ground_truth."
+GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_VIEW = "global_ground_truth."
 """The path prefix of the GroundTruth in a SensorView."""
-SENSOR_DATA_PREFIX = f"sensor_view.{SENSOR_VIEW_PREFIX}"
+GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_DATA = f"sensor_view.{GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_VIEW}"
 """The path prefix of the GroundTruth in a SensorData, inside its SensorView."""
 STATIONARY_OBJECT_FIELD, PROJECTION_FIELD = "stationary_object", "proj_string"
 """The fields of a GroundTruth that are counted and not used: stationary objects, and the map projection."""
-DETECTED_STATIONARY_PATH = f"{STATIONARY_OBJECT_FIELD}.base.position.x"
+PATH_THAT_COUNTS_DETECTED_STATIONARY_OBJECTS = f"{STATIONARY_OBJECT_FIELD}.base.position.x"
 """The path that counts the stationary objects that a sensor detected."""
 _MOTION_PATHS = ("position.x", "position.y", "orientation.yaw", "velocity.x", "velocity.y", "orientation_rate.yaw")
 """The leaf paths of position and motion of an object."""
@@ -47,11 +47,19 @@ def _ground_truth_paths(prefix: str) -> tuple[str, ...]:
 _GROUND_TRUTH_FIELDS: Fields = {"protobuf": _ground_truth_paths("")}
 """The leaf fields of a GroundTruth, by encoding."""
 _SENSOR_VIEW_FIELDS: Fields = {
-    "protobuf": (*_timestamp_paths(), "host_vehicle_id.value", *_ground_truth_paths(SENSOR_VIEW_PREFIX))
+    "protobuf": (
+        *_timestamp_paths(),
+        "host_vehicle_id.value",
+        *_ground_truth_paths(GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_VIEW),
+    )
 }
 """The leaf fields of a SensorView, by encoding."""
-_SENSOR_DATA_WORLD_FIELDS: Fields = {
-    "protobuf": (*_timestamp_paths(), "sensor_view.host_vehicle_id.value", *_ground_truth_paths(SENSOR_DATA_PREFIX))
+_GROUND_TRUTH_FIELDS_IN_SENSOR_DATA: Fields = {
+    "protobuf": (
+        *_timestamp_paths(),
+        "sensor_view.host_vehicle_id.value",
+        *_ground_truth_paths(GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_DATA),
+    )
 }
 """The leaf fields of the GroundTruth inside a SensorData, by encoding."""
 _DETECTED_OBJECT_FIELDS: Fields = {
@@ -64,8 +72,8 @@ _DETECTED_OBJECT_FIELDS: Fields = {
         *(f"moving_object.base.{leaf}" for leaf in _BASE_PATHS),
         *(f"moving_object.base_rmse.position.{axis}" for axis in "xy"),
         "moving_object.reference_point",
-        DETECTED_STATIONARY_PATH,
-        *_SENSOR_DATA_WORLD_FIELDS["protobuf"],
+        PATH_THAT_COUNTS_DETECTED_STATIONARY_OBJECTS,
+        *_GROUND_TRUTH_FIELDS_IN_SENSOR_DATA["protobuf"],
     )
 }
 """The leaf fields of the detections of a SensorData, by encoding."""
@@ -111,12 +119,14 @@ HOST_VEHICLE_DATA_INPUTS = (
     _lazy_input(Role.EGO_SPEED, _HOST_VEHICLE_DATA_FIELDS, 3, "host_vehicle_data.build_speed"),
 )
 """The registry rows of `osi3.HostVehicleData`."""
-GROUND_TRUTH_INPUTS = _ground_truth_inputs(_GROUND_TRUTH_FIELDS, "GROUND_TRUTH_PREFIX", 4)
+GROUND_TRUTH_INPUTS = _ground_truth_inputs(_GROUND_TRUTH_FIELDS, "GROUND_TRUTH_PATH_PREFIX_IN_GROUND_TRUTH_MESSAGE", 4)
 """The registry rows of `osi3.GroundTruth`."""
-SENSOR_VIEW_INPUTS = _ground_truth_inputs(_SENSOR_VIEW_FIELDS, "SENSOR_VIEW_PREFIX", 5)
+SENSOR_VIEW_INPUTS = _ground_truth_inputs(_SENSOR_VIEW_FIELDS, "GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_VIEW", 5)
 """The registry rows of `osi3.SensorView`: the GroundTruth that a sensor is given. Its host carries the sensor."""
 SENSOR_DATA_INPUTS = (
-    *_ground_truth_inputs(_SENSOR_DATA_WORLD_FIELDS, "SENSOR_DATA_PREFIX", 6, with_remote=False),
+    *_ground_truth_inputs(
+        _GROUND_TRUTH_FIELDS_IN_SENSOR_DATA, "GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_DATA", 6, with_remote=False
+    ),
     _lazy_input(Role.DETECTIONS, _DETECTED_OBJECT_FIELDS, 0, "sensor_data.build_detections"),
 )
 """The registry rows of `osi3.SensorData`."""

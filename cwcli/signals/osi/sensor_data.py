@@ -15,7 +15,10 @@ from cwcli.signals.clocks import repair_and_order_times
 from cwcli.signals.columns import Columns, FloatArray, absent_strings, median_of_values
 from cwcli.signals.elements import Elements, find_ragged_field, offsets_and_indices_of_selected_sequences
 from cwcli.signals.leaf_fields import read_numbers
-from cwcli.signals.osi.leaves import DETECTED_STATIONARY_PATH, SENSOR_DATA_PREFIX
+from cwcli.signals.osi.leaves import (
+    GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_DATA,
+    PATH_THAT_COUNTS_DETECTED_STATIONARY_OBJECTS,
+)
 from cwcli.signals.osi.world import (
     read_moving_objects,
     read_timestamps_ns_and_is_given,
@@ -23,9 +26,9 @@ from cwcli.signals.osi.world import (
 )
 from cwcli.signals.quality import Quality, RowLedger
 
-REFERENCE_POINT_FORWARD = np.array([0, 0, 0, 0, 0, -1, -1, -1, 1, 1, 1], np.float64)
+REFERENCE_POINT_FORWARD_HALF_LENGTHS_BY_CODE = np.array([0, 0, 0, 0, 0, -1, -1, -1, 1, 1, 1], np.float64)
 """The forward position of `DetectedMovingObject.ReferencePoint` on the box, in half lengths, by its number."""
-REFERENCE_POINT_LEFT = np.array([0, 0, 0, 1, -1, 0, 1, -1, 0, 1, -1], np.float64)
+REFERENCE_POINT_LEFT_HALF_WIDTHS_BY_CODE = np.array([0, 0, 0, 1, -1, 0, 1, -1, 0, 1, -1], np.float64)
 """The leftward position of `DetectedMovingObject.ReferencePoint` on the box, in half widths, by its number."""
 
 
@@ -48,7 +51,7 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
         values = np.einsum("nij,nj->ni", turn, place) + np.nan_to_num(mounting)[message]
         variance = np.where(rmse > 0.0, rmse * rmse, np.nan)
         covariance = np.einsum("nij,nj,nkj->nik", turn, variance, turn)
-    still = find_ragged_field(columns, DETECTED_STATIONARY_PATH)
+    still = find_ragged_field(columns, PATH_THAT_COUNTS_DETECTED_STATIONARY_OBJECTS)
     if still is not None and len(still.values):
         ledger.add_note(
             f"{len(still.values)} detections of stationary objects are left out: road users are moving objects"
@@ -89,19 +92,26 @@ def _reference_point_offsets_m(objects: Elements) -> FloatArray:
     """Return the offsets (n, 2) in metres of `base.position` from each box's centre, in the axes of the sensor."""
     kind = objects.read_numbers("moving_object.reference_point")
     with np.errstate(invalid="ignore"):
-        index = np.where((kind >= 0) & (kind < len(REFERENCE_POINT_FORWARD)), kind, 0).astype(np.intp)
+        index = np.where((kind >= 0) & (kind < len(REFERENCE_POINT_FORWARD_HALF_LENGTHS_BY_CODE)), kind, 0).astype(
+            np.intp
+        )
     length, width, yaw = (
         np.nan_to_num(objects.read_numbers(f"moving_object.base.{leaf}"))
         for leaf in ("dimension.length", "dimension.width", "orientation.yaw")
     )
     with np.errstate(over="ignore"):
-        ahead, left = 0.5 * length * REFERENCE_POINT_FORWARD[index], 0.5 * width * REFERENCE_POINT_LEFT[index]
+        ahead, left = (
+            0.5 * length * REFERENCE_POINT_FORWARD_HALF_LENGTHS_BY_CODE[index],
+            0.5 * width * REFERENCE_POINT_LEFT_HALF_WIDTHS_BY_CODE[index],
+        )
         return np.stack([ahead * np.cos(yaw) - left * np.sin(yaw), ahead * np.sin(yaw) + left * np.cos(yaw)], axis=1)
 
 
 def _rear_axle_x_m(columns: Columns, reading: Reading) -> float:
     """Return how far ahead (m) of the box's centre the host's rear axle is; NaN where the GroundTruth does not say."""
-    world = read_moving_objects(columns, reading, RowLedger(columns, reading.role), SENSOR_DATA_PREFIX)
+    world = read_moving_objects(
+        columns, reading, RowLedger(columns, reading.role), GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_DATA
+    )
     known_x_m = world.rear_x_m[world.is_host_mask]
     known_x_m = known_x_m[np.isfinite(known_x_m)]
     return median_of_values(known_x_m) if len(known_x_m) else float("nan")

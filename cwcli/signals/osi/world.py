@@ -34,7 +34,7 @@ from cwcli.signals.limits import (
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
 )
-from cwcli.signals.osi.leaves import PROJECTION_FIELD, SENSOR_VIEW_PREFIX, STATIONARY_OBJECT_FIELD
+from cwcli.signals.osi.leaves import GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_VIEW, PROJECTION_FIELD, STATIONARY_OBJECT_FIELD
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
@@ -42,14 +42,14 @@ from cwcli.signals.units import NS_PER_S
 OSI_FRAME = "osi"
 """The name of the frame of all positions in OSI messages: the axes of the simulated world."""
 VEHICLE_TYPE_CODE = 2
-"""The code of `MovingObject.Type.TYPE_VEHICLE`."""
-MIN_DISTANCE_OF_MOVING_OBJECT_M = 1.0
+"""The code of `MovingObject.Type.MOVING_OBJECT_TYPE_VEHICLE`."""
+MIN_DISTANCE_TRAVELLED_BY_MOVING_OBJECT_M = 1.0
 """The distance in metres from which an object counts as moving. Chosen by hand; not fitted."""
 MIN_COURSE_SPEED_MPS = 0.3
 """The speed in m/s above which an object's velocity says where it is heading. Chosen by hand; not fitted."""
-MAX_SIDEWAYS_SINE = 0.7
+MAX_SINE_OF_ANGLE_FROM_VEHICLE_AXIS_TO_MOTION = 0.7
 """Greatest sine of the angle between the motion and the axis of a vehicle: that of 45 degrees. Chosen by hand."""
-FIELDS_AND_LIMIT_BY_QUANTITY = {
+OBJECT_FIELDS_AND_MAX_MAGNITUDE_BY_QUANTITY = {
     "yaw": (("base.orientation.yaw",), MAX_ANGLE_RAD),
     "velocity": (("base.velocity.x", "base.velocity.y"), MAX_SPEED_MPS),
     "acceleration": (("base.acceleration.x", "base.acceleration.y"), MAX_ACCEL_MPS2),
@@ -154,7 +154,7 @@ def _blank_out_of_range_values(
         message: Shape (n,): the row of the object's message.
         is_of_role: Shape (n,): objects that fill the role.
     """
-    for quantity, (leaves, limit) in FIELDS_AND_LIMIT_BY_QUANTITY.items():
+    for quantity, (leaves, limit) in OBJECT_FIELDS_AND_MAX_MAGNITUDE_BY_QUANTITY.items():
         is_beyond = np.zeros(len(message), np.bool_)
         for leaf in leaves:
             is_beyond |= np.abs(values[leaf]) > limit
@@ -260,7 +260,10 @@ def _choose_host_id(
         return None
     if reading.ego_station is not None and reading.ego_station.isdecimal() and int(reading.ego_station) < 2**64:
         return int(reading.ego_station)
-    paths = (f"{prefix.removesuffix(SENSOR_VIEW_PREFIX)}host_vehicle_id.value", f"{prefix}host_vehicle_id.value")
+    paths = (
+        f"{prefix.removesuffix(GROUND_TRUTH_PATH_PREFIX_IN_SENSOR_VIEW)}host_vehicle_id.value",
+        f"{prefix}host_vehicle_id.value",
+    )
     for path in dict.fromkeys(paths):
         said, is_said = _read_first_number_and_presence(columns, path)
         said = said.astype(np.uint64)
@@ -288,7 +291,7 @@ def _smallest_moving_id_and_reason(
     low, high = np.full((len(distinct), 2), np.inf), np.full((len(distinct), 2), -np.inf)
     np.minimum.at(low, inverse, position_m)
     np.maximum.at(high, inverse, position_m)
-    moves = (high - low).max(axis=1) > MIN_DISTANCE_OF_MOVING_OBJECT_M
+    moves = (high - low).max(axis=1) > MIN_DISTANCE_TRAVELLED_BY_MOVING_OBJECT_M
     drives = np.zeros(len(distinct), np.bool_)
     drives[inverse[is_vehicle]] = True
     for chosen, why in (
@@ -327,7 +330,7 @@ def _motion_along_and_across_heading(
     low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
     np.minimum.at(low, owner, position_m)
     np.maximum.at(high, owner, position_m)
-    moves = (high - low).max(axis=1, initial=0.0) > MIN_DISTANCE_OF_MOVING_OBJECT_M
+    moves = (high - low).max(axis=1, initial=0.0) > MIN_DISTANCE_TRAVELLED_BY_MOVING_OBJECT_M
     is_still = is_always_zero(velocity)
     no_velocity = (is_still & moves)[owner]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -337,7 +340,7 @@ def _motion_along_and_across_heading(
     with np.errstate(invalid="ignore"):
         is_fast = np.abs(velocity) > MIN_COURSE_SPEED_MPS
         course_rad = np.angle(velocity)
-        is_sideways = is_fast & (np.abs(np.sin(course_rad - yaw_rad)) > MAX_SIDEWAYS_SINE)
+        is_sideways = is_fast & (np.abs(np.sin(course_rad - yaw_rad)) > MAX_SINE_OF_ANGLE_FROM_VEHICLE_AXIS_TO_MOTION)
     n_sideways = np.bincount(owner, weights=is_sideways.astype(np.float64), minlength=n)
     n_fast = np.bincount(owner, weights=is_fast.astype(np.float64), minlength=n)
     no_yaw = is_always_zero(yaw_rad) & (n_sideways > 0.5 * n_fast) & (n_fast > 0)

@@ -65,15 +65,15 @@ class RoadUserMessage:
     codec: V2xCodec
 
 
-OTHER_MESSAGE_STATUS, OTHER_VERSION_STATUS = 254, 255
+STATUS_CODE_OF_MESSAGE_NOT_MATCHING_ITS_PORT, STATUS_CODE_OF_UNSUPPORTED_PROTOCOL_VERSION = 254, 255
 """The status codes of a message that is not what its port says, and of a protocol version that is not read."""
 MESSAGE_FAULT_TEXTS: dict[int, str] = {
     **messages.DECODE_FAULT_TEXTS,
-    OTHER_MESSAGE_STATUS: "message type does not match its port",
-    OTHER_VERSION_STATUS: "unsupported protocol version",
+    STATUS_CODE_OF_MESSAGE_NOT_MATCHING_ITS_PORT: "message type does not match its port",
+    STATUS_CODE_OF_UNSUPPORTED_PROTOCOL_VERSION: "unsupported protocol version",
 }
 """The reason for rejecting a message, by status code."""
-SENDER_MESSAGES: dict[str, RoadUserMessage] = {
+MESSAGES_THAT_DESCRIBE_THEIR_SENDER_BY_NAME: dict[str, RoadUserMessage] = {
     "BSM": RoadUserMessage(standard_messages.BSM, standard_messages.bsm_json_fields_from_decoded, j2735.JSON_BSM_CODEC),
     "CAM": RoadUserMessage(
         standard_messages.CAM, standard_messages.cam_ros_fields_from_decoded, etsi.CAM_AND_VAM_CODEC
@@ -175,7 +175,7 @@ def _decode_messages_describing_their_sender(
     status."""
     parts = []
     for number, name in MESSAGE_NAMES_BY_FORMAT[form].items():
-        kind = SENDER_MESSAGES.get(name)
+        kind = MESSAGES_THAT_DESCRIBE_THEIR_SENDER_BY_NAME.get(name)
         if kind is None or not (unwrapped.message == number).any():
             continue
         rows, decoded = _decode_messages_named_with_rows(unwrapped, form, name, kind.packed)
@@ -202,8 +202,8 @@ def _header_mismatch_status(octets: messages.Octets, kind: messages.PackedMessag
         has_header = octets.ends - octets.starts >= 2
         version = octets.data[np.minimum(octets.starts, last)]
         said_id = octets.data[np.minimum(octets.starts + 1, last)]
-        status[has_header & (version != kind.version)] = OTHER_VERSION_STATUS
-        status[has_header & (said_id != kind.message_id)] = OTHER_MESSAGE_STATUS
+        status[has_header & (version != kind.version)] = STATUS_CODE_OF_UNSUPPORTED_PROTOCOL_VERSION
+        status[has_header & (said_id != kind.message_id)] = STATUS_CODE_OF_MESSAGE_NOT_MATCHING_ITS_PORT
     return status
 
 

@@ -13,7 +13,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Field, FloatArray, Int64Array, Strings
 from cwcli.signals.radio.program import Program, compile_asn1_type, load_message_type
 
-MISSING_CODE = int(np.iinfo(np.int64).min)
+CODE_OF_MISSING_COMPONENT = int(np.iinfo(np.int64).min)
 """The code of a component that a message does not have."""
 DECODE_FAULT_TEXTS: dict[int, str] = {
     uper.UPER_SHORT: "truncated message",
@@ -63,7 +63,7 @@ class DecodedMessages:
     def component_numbers(self, path: str) -> FloatArray:
         """Return a component as numbers, NaN where it is absent."""
         codes = self.components[path]
-        return np.where(codes == MISSING_CODE, np.nan, codes.astype(np.float64))
+        return np.where(codes == CODE_OF_MISSING_COMPONENT, np.nan, codes.astype(np.float64))
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class PackedMessage:
 def format_station_ids(codes: Int64Array) -> Strings:
     """Return ids of four octets as texts in hexadecimal, "" where there is none."""
     distinct, inverse = np.unique(codes, return_inverse=True)
-    names = tuple("" if code == MISSING_CODE else f"{code:08x}" for code in distinct)
+    names = tuple("" if code == CODE_OF_MISSING_COMPONENT else f"{code:08x}" for code in distinct)
     return Strings(inverse.astype(np.int32), names)
 
 
@@ -118,7 +118,7 @@ def decode_messages(program: Program, octets: Octets, status: UInt8Array | None 
     n = len(octets)
     n_tables = len(program.lists) + 1
     status = np.zeros(n, np.uint8) if status is None else status.copy()
-    tables = [np.full((n, program.count_columns(0)), MISSING_CODE, np.int64)]
+    tables = [np.full((n, program.count_columns(0)), CODE_OF_MISSING_COMPONENT, np.int64)]
     tables += [np.zeros((max(64, 4 * n), program.count_columns(k)), np.int64) for k in range(1, n_tables)]
     counts = np.zeros(n_tables, np.int64)
     current = np.zeros(n_tables, np.int64)
@@ -134,7 +134,7 @@ def decode_messages(program: Program, octets: Octets, status: UInt8Array | None 
             counts=counts,
             current=current,
             first=n_decoded,
-            missing=MISSING_CODE,
+            missing=CODE_OF_MISSING_COMPONENT,
             status=status,
         )
         if n_decoded == n:

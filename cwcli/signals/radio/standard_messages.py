@@ -14,7 +14,7 @@ import numpy as np
 from cwcli.signals import cpm, denm, etsi
 from cwcli.signals.bsm_flags import JSON_PATHS_OF_CODED_EVENT_FLAGS
 from cwcli.signals.columns import Field
-from cwcli.signals.j2735 import JSON_RAW_PATHS
+from cwcli.signals.j2735 import STANDARD_JSON_PATHS_BY_QUANTITY
 from cwcli.signals.radio.messages import DecodedMessages, PackedMessage, format_station_ids
 from cwcli.signals.sdsm import OBJECTS_PATH, SDSM_PATHS
 from cwcli.signals.v2x_tables import ros_leaf_path, strip_table_marks_from_path
@@ -35,11 +35,11 @@ VAM = _etsi_message("vam", etsi.VAM_PATHS, message_id=16, version=3)
 """The packed VAM, which says of a pedestrian or a cyclist what a CAM says of a car; version 2 is packed differently."""
 CPM = _etsi_message("cpm", cpm.CPM_PATHS, message_id=14, version=2, objects_path=cpm.OBJECTS_PATH)
 """The packed CPM; version 1 (TR 103 562) is packed differently."""
-BSM_STATION_ID_PATH = JSON_RAW_PATHS["station"]
+BSM_STATION_ID_PATH = STANDARD_JSON_PATHS_BY_QUANTITY["station"]
 """The component of the temporary id of a BSM's sender."""
 BSM_EVENT_FLAGS_PATH = JSON_PATHS_OF_CODED_EVENT_FLAGS[0]
 """The component of the event flags of a BSM."""
-BSM = PackedMessage("bsm", JSON_RAW_PATHS | {"events": BSM_EVENT_FLAGS_PATH})
+BSM = PackedMessage("bsm", STANDARD_JSON_PATHS_BY_QUANTITY | {"events": BSM_EVENT_FLAGS_PATH})
 """The packed BSM: its core data (part I) and the event flags of part II."""
 SDSM = PackedMessage("sdsm", SDSM_PATHS, OBJECTS_PATH)
 """The packed SDSM: its sender and its objects."""
@@ -57,7 +57,9 @@ def vam_ros_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
 
 def bsm_json_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the leaf fields of a JSON BSM that `signals.j2735` reads, from decoded messages."""
-    fields: dict[str, Field] = {path: decoded.component_numbers(path) for path in JSON_RAW_PATHS.values()}
+    fields: dict[str, Field] = {
+        path: decoded.component_numbers(path) for path in STANDARD_JSON_PATHS_BY_QUANTITY.values()
+    }
     fields[BSM_STATION_ID_PATH] = format_station_ids(decoded.component_codes(BSM_STATION_ID_PATH))
     fields[BSM_EVENT_FLAGS_PATH] = np.nan_to_num(decoded.component_numbers(BSM_EVENT_FLAGS_PATH)).astype(np.int64)
     return fields

@@ -1,4 +1,4 @@
-"""Weather and light, drawn at random: one function per condition. Registered in `CONDITIONS`."""
+"""Weather and light, drawn at random: one function per condition. Registered in `DRAW_FUNCTION_BY_WEATHER`."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def with_random_fog(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
 DrawCondition = Callable[[RoadScene, np.random.Generator], RoadScene]
 """A function that draws the light and weather of a scene."""
 
-CONDITIONS: dict[str, DrawCondition] = {
+DRAW_FUNCTION_BY_WEATHER: dict[str, DrawCondition] = {
     "clear": with_random_clear_light,
     "overcast": with_random_overcast_light,
     "shadow": with_random_sun_and_shadows,

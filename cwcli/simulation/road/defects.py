@@ -24,11 +24,11 @@ DOT_AND_GAP_M = (0.12, 3.6)
 """Length of a raised dot and of the gap after it, m. Chosen by hand (docs/road-renderer.md)."""
 RAISED_DOT_WIDTH_M = 0.1
 """Width of a raised dot, m. Chosen by hand; not fitted."""
-DEFECT_KNOT_SPACING_M = 5.0
+CURVATURE_KNOT_SPACING_OF_BENDS_AND_RAMPS_M = 5.0
 """Distance of the stations at which bends and ramps give the curvature, m. Chosen by hand; not fitted."""
 MEAN_BEND_SPACING_M = 70.0
 """Mean distance from the middle of one mountain bend to that of the next, m. Chosen by hand; not fitted."""
-RAMP_PHASE_DURATIONS_S = (6.0, 2.5, 5.0, 2.5)
+DURATIONS_BEFORE_INTO_ROUND_AND_OUT_OF_ROAD_RAMP_S = (6.0, 2.5, 5.0, 2.5)
 """Durations of the parts of a ramp, s: straight on, into the ramp, round it, out of it. Chosen by hand
 (docs/road-renderer.md)."""
 LANE_CHANGE_DURATION_S = 5.0
@@ -86,7 +86,7 @@ def draw_ramp_curvature_1pm(
 
     On a ramp the car turns at the given yaw rate and speed.
     """
-    bounds_m = np.cumsum(RAMP_PHASE_DURATIONS_S) * speed_mps
+    bounds_m = np.cumsum(DURATIONS_BEFORE_INTO_ROUND_AND_OUT_OF_ROAD_RAMP_S) * speed_mps
     period_m = float(bounds_m[-1])
     turns = np.floor(np.maximum(knots_m, 0.0) / period_m).astype(np.intp)
     signs = rng.choice([-1.0, 1.0], int(turns.max()) + 1)

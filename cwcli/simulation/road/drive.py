@@ -15,8 +15,8 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.camera import RoadCamera, camera_of_zhang2011
 from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, times_and_states_of_drive_along_lane
-from cwcli.simulation.road.conditions import CONDITIONS, draw_shadow_band
-from cwcli.simulation.road.defects import DEFECT_KNOT_SPACING_M as FINE_KNOT_M
+from cwcli.simulation.road.conditions import DRAW_FUNCTION_BY_WEATHER, draw_shadow_band
+from cwcli.simulation.road.defects import CURVATURE_KNOT_SPACING_OF_BENDS_AND_RAMPS_M as FINE_KNOT_M
 from cwcli.simulation.road.defects import (
     MARKING_KINDS,
     LaneChangingDriver,
@@ -37,7 +37,7 @@ from cwcli.simulation.road.sets import FRAME_SETS, FRAMES_PER_SET, SetSpec, draw
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.streams import random_stream
 
-ROAD_KNOT_SPACING_M = 90.0
+ROAD_CURVATURE_KNOT_SPACING_M = 90.0
 """Distance of the knots between which the road's curvature changes evenly, m. Chosen by hand
 (docs/road-renderer.md)."""
 SHADOWS_PER_M = 1 / 15.0
@@ -83,7 +83,7 @@ class RoadDriveConfig:
     """The configuration of a rendered drive.
 
     Attributes:
-        weather: A name of `CONDITIONS`.
+        weather: A name of `DRAW_FUNCTION_BY_WEATHER`.
         road: A name of a set of frames: how worn, winding and busy the road is.
         seed: Seed of all draws.
         duration_s, rate_hz: Duration of the drive and rate of the camera.
@@ -211,8 +211,12 @@ def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     n = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
     time_s = np.arange(n) / config.rate_hz
     end_mps = config.speed_mps + config.accel_mps2 * config.duration_s
-    length_m = max(config.speed_mps, end_mps) * config.duration_s + ARC_LENGTH_GRID_M[-1] + 2 * ROAD_KNOT_SPACING_M
-    knots_m = np.arange(-ROAD_KNOT_SPACING_M, length_m + ROAD_KNOT_SPACING_M, ROAD_KNOT_SPACING_M)
+    length_m = (
+        max(config.speed_mps, end_mps) * config.duration_s + ARC_LENGTH_GRID_M[-1] + 2 * ROAD_CURVATURE_KNOT_SPACING_M
+    )
+    knots_m = np.arange(
+        -ROAD_CURVATURE_KNOT_SPACING_M, length_m + ROAD_CURVATURE_KNOT_SPACING_M, ROAD_CURVATURE_KNOT_SPACING_M
+    )
     curvature = np.clip(
         rng.normal(0.0, 1.3 * spec.curvature_1pm[0], len(knots_m)), -spec.curvature_1pm[1], spec.curvature_1pm[1]
     )
@@ -330,7 +334,7 @@ def spread_scene_along_drive(
 def check_drive_config(config: RoadDriveConfig) -> None:
     """Refuse unknown names and numbers outside their ranges."""
     for name, chosen, known in (
-        ("weather", config.weather, CONDITIONS),
+        ("weather", config.weather, DRAW_FUNCTION_BY_WEATHER),
         ("road", config.road, FRAME_SETS),
         ("kind of markings", config.markings, MARKING_KINDS),
         ("kind of junctions", config.junctions, JUNCTION_KINDS),

@@ -20,7 +20,7 @@ ARC_LENGTH_GRID_M: FloatArray = np.concatenate(
 )
 """Arc lengths ahead at which curves are computed, shape (k,), m. Between them a chord errs by less than 0.1 mm in the
 first 40 m at a radius of 300 m: below 0.02 pixel."""
-ROAD_END_M = 400.0
+DISTANCE_AHEAD_OF_ROAD_SURFACE_END_M = 400.0
 """Distance ahead at which the road's surface ends, m. Chosen by hand; not fitted."""
 MAX_SEEN_ROAD_DIRECTION_RAD = np.radians(75.0)
 """Angle from the camera's axis at which the road has turned away and is no longer seen, rad. Chosen by hand; not
@@ -111,7 +111,7 @@ class RoadAhead:
         with np.errstate(invalid="ignore", divide="ignore"):
             bottom = m + np.sqrt(np.where(under >= 0, under, np.nan))
             x = 2 * camera.height_m / np.where(bottom > 0, bottom, np.nan)
-        return np.where(x <= ROAD_END_M, x, np.nan)
+        return np.where(x <= DISTANCE_AHEAD_OF_ROAD_SURFACE_END_M, x, np.nan)
 
     def line_column_at_distance_px(
         self, camera: RoadCamera, offset_m: float | FloatArray, x_m: FloatArray

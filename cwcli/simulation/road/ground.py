@@ -8,7 +8,12 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road import surface
 from cwcli.simulation.road.rows import ImageRows
 from cwcli.simulation.road.scene import Patch, RoadScene, Shadow
-from cwcli.simulation.road.surface import CELL_OFFSETS_M, TEXTURE_CELL_WIDTH_M, TEXTURE_HALF_WIDTH_M, Float32Array
+from cwcli.simulation.road.surface import (
+    TEXTURE_CELL_OFFSETS_M,
+    TEXTURE_CELL_WIDTH_M,
+    TEXTURE_HALF_WIDTH_M,
+    Float32Array,
+)
 
 VERGE_GREY = 78.0
 """Mean grey of the verge beside the pavement, 0 to 255. Chosen by hand; not fitted."""
@@ -49,7 +54,7 @@ def light_factor_by_row_and_cell(rows: ImageRows, scene: RoadScene) -> Float32Ar
     light = scene.light
     light_factor: Float32Array | None = None
     if light.dapple > 0 or light.shadows:
-        dark = np.zeros((len(rows.v_px), len(CELL_OFFSETS_M)), np.float32)
+        dark = np.zeros((len(rows.v_px), len(TEXTURE_CELL_OFFSETS_M)), np.float32)
         if light.dapple > 0:
             leaves = surface.leaf_shadow_texture().mean_over_stretches(rows.start_m, rows.end_m, scene.seed % 97) + 0.5
             dark = np.maximum(dark, np.clip(leaves, 0.0, 1.0) * min(1.0, light.dapple * 1.4))
@@ -69,7 +74,7 @@ def light_factor_by_row_and_cell(rows: ImageRows, scene: RoadScene) -> Float32Ar
 def headlight_factor_by_row_and_cell(rows: ImageRows) -> Float32Array:
     """Factor of the own low beams on the grey, by row and cell, with a little light from sky and street."""
     x = rows.x_m[:, None]
-    y = rows.road.line_y_at_distance_m(0.0, rows.x_m)[:, None] + CELL_OFFSETS_M[None, :]
+    y = rows.road.line_y_at_distance_m(0.0, rows.x_m)[:, None] + TEXTURE_CELL_OFFSETS_M[None, :]
     spread = 1.3 + 0.16 * x
     beam = np.exp(-0.5 * ((y + 0.2) / spread) ** 2) * (1.0 - np.exp(-((x / 5.0) ** 2))) / (1.0 + (x / 26.0) ** 2)
     return np.asarray(0.13 + 0.95 * np.nan_to_num(beam), np.float32)
@@ -83,7 +88,7 @@ def _is_within_drawn_distance(rows: ImageRows, station_m: float, reach_m: float)
 
 def _wheel_track_darkening(lane_width_m: float) -> Float32Array:
     """Darkening of the cells by the wheel tracks of all lanes, shape (cells,), up to 0.12."""
-    in_lane = np.mod(CELL_OFFSETS_M + lane_width_m / 2, lane_width_m) - lane_width_m / 2
+    in_lane = np.mod(TEXTURE_CELL_OFFSETS_M + lane_width_m / 2, lane_width_m) - lane_width_m / 2
     return np.asarray(0.12 * np.exp(-0.5 * ((np.abs(in_lane) - WHEEL_TRACK_OFFSET_M) / 0.25) ** 2), np.float32)
 
 
@@ -93,8 +98,8 @@ def _cell_share_between_offsets(low_m: float | FloatArray, high_m: float, soft_m
     `low_m` is a number, or of shape (n, 1) for n rows.
     """
     soft = max(soft_m, TEXTURE_CELL_WIDTH_M)
-    rise = np.clip((CELL_OFFSETS_M - low_m) / soft + 0.5, 0.0, 1.0)
-    return np.asarray(np.minimum(rise, np.clip((high_m - CELL_OFFSETS_M) / soft + 0.5, 0.0, 1.0)), np.float32)
+    rise = np.clip((TEXTURE_CELL_OFFSETS_M - low_m) / soft + 0.5, 0.0, 1.0)
+    return np.asarray(np.minimum(rise, np.clip((high_m - TEXTURE_CELL_OFFSETS_M) / soft + 0.5, 0.0, 1.0)), np.float32)
 
 
 def _row_share_between_stations(
@@ -124,6 +129,6 @@ def _draw_patch_on_road(road: Float32Array, rows: ImageRows, patch: Patch) -> No
 
 def _shadow_share_by_row_and_cell(rows: ImageRows, shadow: Shadow) -> Float32Array:
     """Share of each row and cell that lies in a shadow band, shape (n, cells)."""
-    start = shadow.station_m + shadow.slant * CELL_OFFSETS_M[None, :]
+    start = shadow.station_m + shadow.slant * TEXTURE_CELL_OFFSETS_M[None, :]
     inside = _row_share_between_stations(rows, start, start + shadow.length_m)
     return np.asarray(inside * _cell_share_between_offsets(shadow.right_m, shadow.left_m, PENUMBRA_WIDTH_M), np.float32)

@@ -45,7 +45,7 @@ DIVIDING_LINE_WIDTH_RANGE_M = (0.2, 0.3)
 (docs/road-renderer.md)."""
 SHOULDER_WIDTH_RANGE_M = (0.5, 2.5)
 """Smallest and largest width of the pavement right of the junction's lines, m. Chosen by hand; not fitted."""
-PAVEMENT_END_LENGTH_OF_RAMP_M = 10.0
+LENGTH_OVER_WHICH_RAMP_PAVEMENT_ENDS_M = 10.0
 """Length over which the pavement of a ramp ends, m. Chosen by hand; not fitted."""
 
 
@@ -79,9 +79,9 @@ def add_junctions_to_scene(scene: RoadScene, kind: str, length_m: float, rng: np
             path = sorted((start + sign * along_m, right_m - beside_m) for along_m, beside_m in line)
             lines.append(replace(solid, path_m=tuple(path), painted_stretches_m=((path[0][0], path[-1][0]),)))
         edge += [
-            (path[0][0] - PAVEMENT_END_LENGTH_OF_RAMP_M, right_m),
+            (path[0][0] - LENGTH_OVER_WHICH_RAMP_PAVEMENT_ENDS_M, right_m),
             *path,
-            (path[-1][0] + PAVEMENT_END_LENGTH_OF_RAMP_M, right_m),
+            (path[-1][0] + LENGTH_OVER_WHICH_RAMP_PAVEMENT_ENDS_M, right_m),
         ]
         if divided_m[1] > divided_m[0]:
             low_m, high_m = sorted(start + sign * along_m for along_m in divided_m)

@@ -12,7 +12,7 @@ from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate
 from cwcli.simulation.road.camera import RoadCamera, camera_of_zhang2011
 from cwcli.simulation.road.drive import (
     DRIFT_START_S,
-    ROAD_KNOT_SPACING_M,
+    ROAD_CURVATURE_KNOT_SPACING_M,
     RoadDrive,
     RoadDriveConfig,
     body_pitch_rad,
@@ -84,8 +84,10 @@ def road_drive_from_lane_run(
     config = RoadDriveConfig(weather, look, seed, duration_s, rate_hz, speed_mps, accel_mps2)
     spec = replace(FRAME_SETS[look], lane_width_m=(road.lane_width_m, road.lane_width_m))
     rng = random_stream(seed, "road-run", str(run))
-    length_m = float(truth.station_m[:, run].max()) + float(ARC_LENGTH_GRID_M[-1]) + ROAD_KNOT_SPACING_M
-    grid_m = np.arange(-ROAD_KNOT_SPACING_M, length_m + ROAD_KNOT_SPACING_M, ROAD_KNOT_SPACING_M)
+    length_m = float(truth.station_m[:, run].max()) + float(ARC_LENGTH_GRID_M[-1]) + ROAD_CURVATURE_KNOT_SPACING_M
+    grid_m = np.arange(
+        -ROAD_CURVATURE_KNOT_SPACING_M, length_m + ROAD_CURVATURE_KNOT_SPACING_M, ROAD_CURVATURE_KNOT_SPACING_M
+    )
     vertical = draw_vertical_curvature_1pm(spec, len(grid_m), rng)
     knots_m = np.union1d(grid_m, road.station_m)
     knots_m = knots_m[np.concatenate([[True], np.diff(knots_m) > MIN_KNOT_SPACING_M])]

@@ -1,7 +1,7 @@
 """The names of the weather conditions and of the rendered drives for the command line, without importing NumPy."""
 
 WEATHER_NAMES = ("clear", "overcast", "shadow", "glare", "rain", "night", "night-rain", "fog")
-"""Names of the weather conditions: the keys of `conditions.CONDITIONS`."""
+"""Names of the weather conditions: the keys of `conditions.DRAW_FUNCTION_BY_WEATHER`."""
 ROAD_SCENARIOS = {
     "road": (),
     "departure": ("drift=0.35", "duration_s=10"),

@@ -32,16 +32,16 @@ TREE_SPACING_M = 14.0
 RAIL_BAND_LOW_M_HIGH_M_GREY = ((0.5, 0.78, 150.0), (0.62, 0.66, 105.0))
 """Bands of a guard rail and of the groove in it: lower and upper edge above the road (m), grey. Chosen by hand; not
 fitted."""
-RAIL_PIECE_EDGES_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
+DISTANCES_AHEAD_OF_GUARD_RAIL_PIECE_EDGES_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
 """Distances ahead at which a guard rail is divided into pieces of even haze, far to near, m. Chosen by hand; not
 fitted."""
-MAX_PATCH_AND_SHADOW_DISTANCE_M = 150.0
+MAX_DISTANCE_OF_DRAWN_VEHICLES_AND_POSTS_M = 150.0
 """Distance ahead beyond which vehicles and posts are not drawn, m. Chosen by hand; not fitted."""
 FINE_SUBSAMPLES, COARSE_SUBSAMPLES = 4, 2
 """Sub-samples per pixel in each direction, for small and for large objects. Chosen by hand; not fitted."""
 MIN_AREA_FOR_COARSE_SUBSAMPLES_PX = 12000
 """Area of the drawn part of the image from which coarse sub-samples are used, px. Chosen by hand; not fitted."""
-CORNER_FRACTION_BITS = 4
+POLYGON_CORNER_FRACTION_BITS = 4
 """Number of fraction bits of the polygons' corners. Chosen by hand; not fitted."""
 N_TREE_SHAPES = 12
 """Number of different tree shapes. Chosen by hand; not fitted."""
@@ -102,7 +102,7 @@ def draw_vehicles(
     view = _RoadView(camera, road, scene.light)
     lamps: list[Lamp] = []
     for vehicle in sorted(scene.vehicles, key=lambda each: -each.ahead_m):
-        if 2.0 < vehicle.ahead_m < MAX_PATCH_AND_SHADOW_DISTANCE_M:
+        if 2.0 < vehicle.ahead_m < MAX_DISTANCE_OF_DRAWN_VEHICLES_AND_POSTS_M:
             lamps += _draw_vehicle(image, view, vehicle, hidden)
     return lamps
 
@@ -202,7 +202,7 @@ def _draw_guard_rail(image: Float32Array, view: _RoadView, offset_m: float) -> N
         FilledShape(corners, view.grey_at_distance(85.0, float(start)))
         for corners, start in zip(posts.reshape(-1, 4, 2), starts, strict=True)
     ]
-    for far, near in pairwise(RAIL_PIECE_EDGES_M):
+    for far, near in pairwise(DISTANCES_AHEAD_OF_GUARD_RAIL_PIECE_EDGES_M):
         inside = np.concatenate([[near], x[(x > near) & (x < far)], [far]])
         side = np.interp(inside, x, y)
         there_and_back = np.concatenate([inside, inside[::-1]]), np.concatenate([side, side[::-1]])
@@ -215,7 +215,7 @@ def _draw_guard_rail(image: Float32Array, view: _RoadView, offset_m: float) -> N
 def _draw_posts(image: Float32Array, view: _RoadView, offset_m: float) -> None:
     """Draw the guide posts at an offset, in place."""
     first = -view.road.station_m % GUIDE_POST_SPACING_M
-    for ahead in np.arange(first, MAX_PATCH_AND_SHADOW_DISTANCE_M, GUIDE_POST_SPACING_M)[::-1]:
+    for ahead in np.arange(first, MAX_DISTANCE_OF_DRAWN_VEHICLES_AND_POSTS_M, GUIDE_POST_SPACING_M)[::-1]:
         if ahead < 5.0:
             continue
         x, y, _ = view.road.pose_at_arc_length(float(ahead), offset_m)
@@ -273,7 +273,7 @@ def draw_shapes(
     mask = np.zeros_like(grey)
     for shape in shapes:
         corners = np.clip((shape.corners - (u0, v0) + 0.5) * scale - 0.5, -20000, 20000)
-        fixed = np.round(corners * (1 << CORNER_FRACTION_BITS)).astype(np.int32)
+        fixed = np.round(corners * (1 << POLYGON_CORNER_FRACTION_BITS)).astype(np.int32)
         value = float(np.clip(shape.grey, 0, 255))
         if shape.is_ellipse:
             middle, axes = fixed.mean(axis=0).astype(int), (np.abs(fixed[1] - fixed[0]) // 2).astype(int)
@@ -282,11 +282,11 @@ def draw_shapes(
                     layer,
                     (int(middle[0]), int(middle[1])),
                     (int(axes[0]), int(axes[1])),
-                    0, 0, 360, (paint,), -1, cv2.LINE_8, CORNER_FRACTION_BITS,
+                    0, 0, 360, (paint,), -1, cv2.LINE_8, POLYGON_CORNER_FRACTION_BITS,
                 )  # fmt: skip
         else:
-            cv2.fillPoly(grey, [fixed], (value,), cv2.LINE_8, CORNER_FRACTION_BITS)
-            cv2.fillPoly(mask, [fixed], (255.0,), cv2.LINE_8, CORNER_FRACTION_BITS)
+            cv2.fillPoly(grey, [fixed], (value,), cv2.LINE_8, POLYGON_CORNER_FRACTION_BITS)
+            cv2.fillPoly(mask, [fixed], (255.0,), cv2.LINE_8, POLYGON_CORNER_FRACTION_BITS)
     size = (u1 - u0, v1 - v0)
     share = cv2.resize(mask, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
     value_px = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)

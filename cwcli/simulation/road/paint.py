@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, ROAD_END_M
+from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, DISTANCE_AHEAD_OF_ROAD_SURFACE_END_M
 from cwcli.simulation.road.rows import ImageRows
 from cwcli.simulation.road.scene import Marking
 from cwcli.simulation.road.surface import (
-    N_WEAR_CELLS,
+    N_WEAR_TEXTURE_CELLS_ACROSS_MARKING,
     REMAINING_PAINT_LEVELS,
     WEAR_CELL_WIDTH_M,
     Float32Array,
@@ -42,7 +42,7 @@ def _paint_stripe(
 ) -> None:
     """Blend one stripe of a marking into the image of the rows, in place."""
     camera, road, half = rows.camera, rows.road, marking.width_m / 2
-    start_m, end_m = road.station_m + ARC_LENGTH_GRID_M[0], road.station_m + ROAD_END_M
+    start_m, end_m = road.station_m + ARC_LENGTH_GRID_M[0], road.station_m + DISTANCE_AHEAD_OF_ROAD_SURFACE_END_M
     where_m = [each for each in marking.painted_stretches_m if each[1] > start_m and each[0] < end_m]
     if marking.painted_stretches_m and not where_m:
         return
@@ -110,6 +110,8 @@ def _remaining_paint_share(
     texture, mean = remaining_paint_texture_and_mean(level)
     shift_m = 37.0 * offset_m  # so that neighbouring markings wear differently
     strip = texture.mean_over_stretches(rows.start_m[row_indices] + shift_m, rows.end_m[row_indices] + shift_m) + mean
-    across = (columns - middle_px) / np.maximum(width_px, 1e-3) * marking.width_m / WEAR_CELL_WIDTH_M + N_WEAR_CELLS / 2
-    cell = np.clip(across.astype(np.intp), 0, N_WEAR_CELLS - 1)
+    across = (columns - middle_px) / np.maximum(
+        width_px, 1e-3
+    ) * marking.width_m / WEAR_CELL_WIDTH_M + N_WEAR_TEXTURE_CELLS_ACROSS_MARKING / 2
+    cell = np.clip(across.astype(np.intp), 0, N_WEAR_TEXTURE_CELLS_ACROSS_MARKING - 1)
     return np.asarray(np.clip(np.take_along_axis(strip, cell, axis=1), 0.0, 1.0))

@@ -8,12 +8,12 @@ import numpy.typing as npt
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
-from cwcli.simulation.road.geometry import ROAD_END_M, RoadAhead
+from cwcli.simulation.road.geometry import DISTANCE_AHEAD_OF_ROAD_SURFACE_END_M, RoadAhead
 from cwcli.simulation.road.surface import TEXTURE_CELL_WIDTH_M, TEXTURE_HALF_WIDTH_M, Float32Array
 
 SUB_ROWS_PER_ROW = 4
 """Number of sub-rows of each row, for anti-aliasing. Chosen by hand; not fitted."""
-MAPPED_HALF_WIDTH_M = 8.0
+LATERAL_OFFSET_OF_TEXTURE_MAPPING_LINES_M = 8.0
 """Offset of the two lines between which columns are mapped linearly to lateral cells, m (texture only, not paint).
 Chosen by hand; not fitted."""
 
@@ -58,14 +58,16 @@ def compute_road_rows(camera: RoadCamera, road: RoadAhead) -> ImageRows:
     x_m = x_m[v]
     offsets = np.arange(2 * SUB_ROWS_PER_ROW + 1) / (2 * SUB_ROWS_PER_ROW) - 0.5
     fine = road.distance_of_rows_m(camera, v[:, None] + offsets[None, :])
-    edge = np.where(np.isfinite(fine[:, ::2]), fine[:, ::2], ROAD_END_M)
+    edge = np.where(np.isfinite(fine[:, ::2]), fine[:, ::2], DISTANCE_AHEAD_OF_ROAD_SURFACE_END_M)
     end, start = road.line_station_at_distance_m(0.0, edge[:, 0]), road.line_station_at_distance_m(0.0, edge[:, -1])
-    left = road.line_column_at_distance_px(camera, MAPPED_HALF_WIDTH_M, x_m)
-    right = road.line_column_at_distance_px(camera, -MAPPED_HALF_WIDTH_M, x_m)
+    left = road.line_column_at_distance_px(camera, LATERAL_OFFSET_OF_TEXTURE_MAPPING_LINES_M, x_m)
+    right = road.line_column_at_distance_px(camera, -LATERAL_OFFSET_OF_TEXTURE_MAPPING_LINES_M, x_m)
     with np.errstate(invalid="ignore"):
-        per_px = 2 * MAPPED_HALF_WIDTH_M / np.minimum(left - right, -1e-6)
+        per_px = 2 * LATERAL_OFFSET_OF_TEXTURE_MAPPING_LINES_M / np.minimum(left - right, -1e-6)
     columns = np.arange(camera.width_px, dtype=np.float32)
-    lateral = ((columns[None, :] - right[:, None]) * per_px[:, None] - MAPPED_HALF_WIDTH_M).astype(np.float32)
+    lateral = (
+        (columns[None, :] - right[:, None]) * per_px[:, None] - LATERAL_OFFSET_OF_TEXTURE_MAPPING_LINES_M
+    ).astype(np.float32)
     map_u = np.nan_to_num((lateral + TEXTURE_HALF_WIDTH_M) / TEXTURE_CELL_WIDTH_M - 0.5)
     map_v = np.repeat(np.arange(len(v), dtype=np.float32)[:, None], camera.width_px, axis=1)
     return ImageRows(camera, road, v, x_m, edge, fine[:, 1::2], start, end, map_u.astype(np.float32), map_v)

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from cwcli.lazy_dataclass import dataclass
-from cwcli.simulation.road.conditions import CONDITIONS
+from cwcli.simulation.road.conditions import DRAW_FUNCTION_BY_WEATHER
 from cwcli.simulation.road.scene import Marking, Patch, RoadScene, SceneVehicle
 
 FRAMES_PER_SET = 500
@@ -33,7 +33,7 @@ class SetSpec:
     """The distributions of a set's frames. Normal values have a sigma and a limit at which they are clipped.
 
     Attributes:
-        conditions: Name of `CONDITIONS` -> chance.
+        conditions: Name of `DRAW_FUNCTION_BY_WEATHER` -> chance.
         curvature_1pm: Curvature of the lane: sigma, limit.
         vertical_1pm: Vertical curvature of crests and sags: sigma, limit.
         pitch_rad: Pitch of the car on its springs: sigma, limit.
@@ -156,7 +156,7 @@ def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadS
         rail_right_m=right_edge - 0.5 if rng.random() < spec.rail else float("nan"),
         seed=int(rng.integers(0, 2**31)),
     )
-    return CONDITIONS[condition](scene, rng)
+    return DRAW_FUNCTION_BY_WEATHER[condition](scene, rng)
 
 
 def _draw_boundary_marking(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_be_double: bool) -> Marking:

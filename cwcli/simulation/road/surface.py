@@ -27,7 +27,7 @@ N_TEXTURE_CELLS_ALONG_ROAD = 2048
 """Number of a texture's cells along the road, after which it repeats. Chosen by hand; not fitted."""
 N_TEXTURE_CELLS_ACROSS_ROAD = round(2 * TEXTURE_HALF_WIDTH_M / TEXTURE_CELL_WIDTH_M)
 """Number of a texture's cells across the road."""
-CELL_OFFSETS_M: Float32Array = (
+TEXTURE_CELL_OFFSETS_M: Float32Array = (
     (np.arange(N_TEXTURE_CELLS_ACROSS_ROAD) + 0.5) * TEXTURE_CELL_WIDTH_M - TEXTURE_HALF_WIDTH_M
 ).astype(np.float32)
 """Offsets of the cells' centres from the lane's centre, shape (cells,), m."""
@@ -37,7 +37,7 @@ REMAINING_PAINT_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)
 fitted."""
 WEAR_CELL_WIDTH_M = 0.01
 """Width of a wear texture's cell across a marking, m. Chosen by hand; not fitted."""
-N_WEAR_CELLS = 64
+N_WEAR_TEXTURE_CELLS_ACROSS_MARKING = 64
 """Number of a wear texture's cells across a marking. Chosen by hand; not fitted."""
 
 
@@ -150,7 +150,7 @@ def leaf_shadow_texture() -> Texture:
 def remaining_paint_texture_and_mean(level: float) -> tuple[Texture, FloatArray]:
     """The texture of worn paint, 1 where paint is left and 0 where it is gone less the mean, and the mean per cell."""
     rng = np.random.default_rng(105)
-    shape = (N_TEXTURE_CELLS_ALONG_ROAD, N_WEAR_CELLS)
+    shape = (N_TEXTURE_CELLS_ALONG_ROAD, N_WEAR_TEXTURE_CELLS_ACROSS_MARKING)
     field = (
         _draw_smooth_noise(rng, shape, (5.0, 5.0))
         + 0.8 * _draw_smooth_noise(rng, shape, (60.0, 30.0))

@@ -39,7 +39,7 @@ from cwcli.signals.transforms import (
     find_body_frame_and_transform,
 )
 from cwcli.stages.inputs.sources import read_sensor_signals
-from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, camera_from_calibration, default_camera
+from cwcli.vision.camera import KNOWN_DISTORTION_MODEL_NAMES, Camera, Mounting, camera_from_calibration, default_camera
 from cwcli.vision.mounting import (
     CAMERA_HEIGHT_RANGE_M,
     MAX_CAMERA_ANGLE_RAD,
@@ -50,7 +50,7 @@ from cwcli.vision.mounting import (
 from cwcli.vision.rectify import needs_rectifying
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
-RECORDED_LANES_SETTINGS = ("mounting", "topics")
+KEYS_OF_CAMERA_CHOICE_IN_RECORDED_LANES_CONFIGURATION = ("mounting", "topics")
 """Keys of the recorded configuration of `cwcli lanes` that say how its camera was found."""
 
 
@@ -118,11 +118,11 @@ def find_camera_source(
     info = found[0] if found and isinstance(found[0], CameraInfoSignal) else None
     is_rectified = bool(re.search(r"(^|[/_])rect(ified)?([/_]|$)", camera_topic))
     notes, counts = list(sources.notes), sources.input_message_counts()
-    if info is not None and info.distortion_model.lower() not in KNOWN_MODELS:
+    if info is not None and info.distortion_model.lower() not in KNOWN_DISTORTION_MODEL_NAMES:
         if is_rectified or not info.distortion.any():
             info = replace(info, distortion_model="")
         else:
-            known = ", ".join(name for name in KNOWN_MODELS if name)
+            known = ", ".join(name for name in KNOWN_DISTORTION_MODEL_NAMES if name)
             model = f"its distortion model {info.distortion_model!r} is unknown"
             notes.append(f"{info.source} is not used: {model} (known: {known})")
             info, counts = None, tuple(map(_reject_used_messages, counts))
@@ -154,7 +154,8 @@ def topic_and_camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_ne
     record = read_run_records(log).get(LANES.stage, {})
     configuration = read_configuration(record)
     recorded_choice, recorded = (
-        found if isinstance(found, dict) else {} for found in map(configuration.get, RECORDED_LANES_SETTINGS)
+        found if isinstance(found, dict) else {}
+        for found in map(configuration.get, KEYS_OF_CAMERA_CHOICE_IN_RECORDED_LANES_CONFIGURATION)
     )
     chosen = {**{str(role): str(topic) for role, topic in recorded.items()}, **topics}
     mounting = {entry.name: read_finite_number_or_nan(recorded_choice, entry.name) for entry in fields(Mounting)}

@@ -26,7 +26,7 @@ from cwcli.signals.vehicle_state import SPEED, YAW_RATE
 from cwcli.stages.inputs.sources import UP_AXIS_COLUMN_OF_GYRO, SensorSignals
 from cwcli.vision.method import LaneState
 
-MAX_PREVIEW_LATERAL_HEADING_CURVATURE = np.array([1e3, math.pi / 2.0, 1.0])
+MAX_PREVIEW_OFFSET_M_HEADING_RAD_CURVATURE_1PM = np.array([1e3, math.pi / 2.0, 1.0])
 """Greatest magnitudes of the values at the preview point (m, rad, 1/m); larger ones are left out. Chosen by hand."""
 MAX_BELIEVED_PREVIEW_SIGMA = 1e3
 """Greatest sigma of a preview value (m, rad or 1/m) that is believed; chosen by hand."""
@@ -36,7 +36,7 @@ PREVIEW_DISTANCE_RANGE_M = (0.1, 1e3)
 REPEATED_STAMP_REASON = "stamp repeated"
 """The reason for rejecting a frame whose stamp an earlier frame has."""
 NAME_OF_REPAIR_OF_VALUES_OUT_OF_RANGE = "value out of range, left out"
-"""The name of the repair that drops preview values beyond `MAX_PREVIEW_LATERAL_HEADING_CURVATURE`."""
+"""The name of the repair that drops preview values beyond `MAX_PREVIEW_OFFSET_M_HEADING_RAD_CURVATURE_1PM`."""
 NO_STAMP_REASON = "no usable stamp"
 """The reason for rejecting a frame whose stamp is missing or no time."""
 NO_BOUNDARY_REASON = "no boundary found"
@@ -82,7 +82,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
     rows = usable[rows_by_stamp_without_repeats(stamp_ns[usable])]
     values, sigma = lanes.preview[rows], lanes.preview_sigma[rows]
     with np.errstate(invalid="ignore"):
-        is_beyond = np.abs(values) > MAX_PREVIEW_LATERAL_HEADING_CURVATURE
+        is_beyond = np.abs(values) > MAX_PREVIEW_OFFSET_M_HEADING_RAD_CURVATURE_1PM
         sigma = np.where(
             (sigma > 0.0) & (sigma <= MAX_BELIEVED_PREVIEW_SIGMA), sigma, np.nan
         )  # the observer then takes its own

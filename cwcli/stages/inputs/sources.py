@@ -30,7 +30,7 @@ from cwcli.signals.role import Role
 UP_AXIS_COLUMN_OF_GYRO = 2
 """Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 
-ROLES_WITHOUT_TIME = frozenset({Role.CAMERA_INFO})
+ROLES_WHOSE_MESSAGES_HOLD_AT_ANY_TIME = frozenset({Role.CAMERA_INFO})
 """Roles whose messages hold at any time: a calibration may be logged long before the drive."""
 
 
@@ -121,7 +121,12 @@ def read_sensor_signals(
         topic: columns.slice_by_log_time(config.start_ns, config.end_ns)
         for topic, columns in log.load_topics({**fields_to_load, **further}).items()
     }
-    timed = {each.topic for role, bindings in every.items() if role not in ROLES_WITHOUT_TIME for each in bindings}
+    timed = {
+        each.topic
+        for role, bindings in every.items()
+        if role not in ROLES_WHOSE_MESSAGES_HOLD_AT_ANY_TIME
+        for each in bindings
+    }
     usual_ns = first_and_last_log_time_without_strays([loaded[topic].log_time_ns for topic in timed])
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
@@ -131,7 +136,7 @@ def read_sensor_signals(
         for one in bindings:
             columns = replace(loaded[one.topic], schema_name=one.schema_name)  # which the user may have said
             strays_ns = columns.log_time_ns[:0]
-            if role not in ROLES_WITHOUT_TIME:
+            if role not in ROLES_WHOSE_MESSAGES_HOLD_AT_ANY_TIME:
                 columns, strays_ns = _rows_in_span_and_times_of_others(columns, *usual_ns)
             signal, quality = build_bound_signal(
                 one.input,

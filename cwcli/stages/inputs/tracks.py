@@ -11,7 +11,7 @@ from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
 from cwcli.channels.target import read_targets_as_states
 from cwcli.channels.vehicle_state import (
     COVARIANCE_FIELDS,
-    FLAGGED_KINEMATIC_FIELDS,
+    KINEMATIC_AND_FLAG_FIELDS,
     KINEMATIC_FIELDS,
     VehicleStates,
     read_vehicle_states,
@@ -35,7 +35,7 @@ OTHER_VEHICLE_ROLES = (REMOTE_STATE.role, TARGETS.role)
 """Roles of the channels that hold other road users: remote vehicles and tracked targets."""
 COVARIANCE_SLICE_DURATION_NS = 30 * NS_PER_S
 """Length of the part of the log whose covariances are in memory at once, ns. Chosen by hand."""
-FIELDS_WITH_COVARIANCE = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
+STATE_FIELDS_READ_WHERE_COVARIANCES_ARE_WANTED = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
 """Leaf fields of a state channel that are read when covariances are wanted."""
 
 
@@ -96,7 +96,7 @@ def read_ego_and_other_tracks(
     others: dict[str, VehicleStates] = {}
     topics: dict[str, tuple[str, str]] = {}
     topic_by_role = {role: bindings[0].topic for role, bindings in bound.by_role.items()}
-    fields = FIELDS_WITH_COVARIANCE if with_covariance else FLAGGED_KINEMATIC_FIELDS
+    fields = STATE_FIELDS_READ_WHERE_COVARIANCES_ARE_WANTED if with_covariance else KINEMATIC_AND_FLAG_FIELDS
     columns = log.load_topics(
         {
             topic: None if role == TARGETS.role else fields
@@ -199,5 +199,7 @@ def _iter_states_near_stamps(
     while len(times):
         last = int(np.searchsorted(times, times[0] + COVARIANCE_SLICE_DURATION_NS))
         span = (int(times[0]), int(times[last - 1]) + 1)
-        yield read_vehicle_states(log.load_topics({topic: FIELDS_WITH_COVARIANCE}, logged=span)[topic])
+        yield read_vehicle_states(
+            log.load_topics({topic: STATE_FIELDS_READ_WHERE_COVARIANCES_ARE_WANTED}, logged=span)[topic]
+        )
         times = times[last:]

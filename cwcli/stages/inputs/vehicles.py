@@ -20,7 +20,7 @@ from cwcli.signals.road_events import RoadEvents, hard_braking_known_mask_or_non
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.warning.types import VehicleTrack, median_length_and_width_m
 
-ONSET_MODEL_NAME = "onset"
+MANOEUVRE_ONSET_MODEL_NAME = "onset"
 """Name of the motion model that predicts a manoeuvre that has just begun."""
 
 
@@ -95,6 +95,8 @@ def predict_paths_with_settings_of(states: VehicleStates, like: AnyPaths, *, whe
 def _predict_onset_paths(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> TurnEndingPaths:
     """Predict paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
-    plan = PathPlan(ONSET_MODEL_NAME, RolloutSettings(float(time_s[-1]), step_s), states.state, states.covariance)
+    plan = PathPlan(
+        MANOEUVRE_ONSET_MODEL_NAME, RolloutSettings(float(time_s[-1]), step_s), states.state, states.covariance
+    )
     turned_rad = left_turn_on_last_stretch_rad(states.stamp_ns[rows], states.log_time_ns[rows], states.state[rows])
     return TurnEndingPaths(SelectedPaths(plan, rows), turned_rad)

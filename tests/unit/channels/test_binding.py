@@ -9,7 +9,7 @@ import pytest
 from cwcli.channels.binding import ALL_ROLE_NAMES, Bindings, bind_roles, parse_role_overrides
 from cwcli.channels.published import EGO_PATH, EGO_STATE
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.signals.inputs import INPUTS, find_input_for_role, normalise_schema_name
+from cwcli.signals.inputs import INPUTS_BY_SCHEMA_NAME, find_input_for_role, normalise_schema_name
 from cwcli.signals.role import Role
 
 
@@ -272,7 +272,7 @@ def test_input_for_takes_the_java_name_of_an_ode_record() -> None:
 
 
 def test_every_entry_of_the_registry_names_its_fields_or_streams() -> None:
-    for name, entries in INPUTS.items():
+    for name, entries in INPUTS_BY_SCHEMA_NAME.items():
         assert name == normalise_schema_name(name)
         assert len({entry.role for entry in entries}) == len(entries)
         for entry in entries:

@@ -11,7 +11,7 @@ from cwcli.conformance.clause import clause_names, load_clause
 from cwcli.conformance.encounter import Encounter, time_to_close_gap_s
 from cwcli.conformance.lane_trials import simulate_lane_trial
 from cwcli.conformance.online import build_trial_scenario, true_encounter
-from cwcli.conformance.scenes import APPROACH_START_TTC_S, LANE_WIDTH_M, SCENES, build_radar_return
+from cwcli.conformance.scenes import APPROACH_START_TTC_S, LANE_WIDTH_M, SCENES, build_standing_radar_target
 from cwcli.errors import UsageError
 from cwcli.simulation.drive import simulate_scenario
 
@@ -167,7 +167,7 @@ def test_a_drift_that_nobody_drives_is_refused(rate: float, words: str) -> None:
 def test_a_radar_return_is_an_approach_to_what_sends_no_messages() -> None:
     encounter = drive("radar-return", host_speed=80 / 3.6)
     assert encounter.ttc_s == pytest.approx(drive("approach", host_speed=80 / 3.6).ttc_s)
-    built = build_radar_return({"host_speed": 80 / 3.6, "other_length": 3.7, "other_width": 2.4})
+    built = build_standing_radar_target({"host_speed": 80 / 3.6, "other_length": 3.7, "other_width": 2.4})
     plate = simulate_scenario(build_trial_scenario(built, "nominal", name="trial"), 0)
     assert not plate.scenario.vehicles["other"].has_v2x
     returns = plate.detections["radar"].values

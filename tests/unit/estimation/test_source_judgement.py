@@ -13,7 +13,7 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.estimation.config import parse_source_units
 from cwcli.estimation.contradiction import SourceQuantity
-from cwcli.estimation.hypotheses import HYPOTHESES
+from cwcli.estimation.hypotheses import UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND
 from cwcli.estimation.hypotheses.base import with_pairwise_combinations
 from cwcli.estimation.hypotheses.imu import signed_axis_rotations
 from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind, Measurements
@@ -364,7 +364,7 @@ def test_units_that_a_source_cannot_have_are_refused() -> None:
 
 
 def test_every_hypothesis_is_a_map_of_its_kind_and_no_two_are_the_same() -> None:
-    for kind, known in HYPOTHESES.items():
+    for kind, known in UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND.items():
         width = QUANTITY_BY_KIND[kind].width
         maps = set()
         for each in known:

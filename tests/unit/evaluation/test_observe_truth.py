@@ -10,7 +10,7 @@ import pytest
 from cwcli.channels.lateral_state import ObservedDrive, make_observer_channel, read_observed_drive
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_frame_statuses
-from cwcli.evaluation.observe import build_truth_errors_table
+from cwcli.evaluation.observe import build_error_statistics_table
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray, OutputChannel
 from tests.unit.evaluation.small_logs import T0_NS, log_of, values
@@ -74,7 +74,7 @@ def truth(*, with_ahead: bool, ends_m: float = np.inf) -> OutputChannel:
 def errors(tmp_path: Path, *channels: OutputChannel) -> tuple[Table, dict[str, float]]:
     log = log_of(tmp_path / "a.mcap", list(channels))
     columns = log.load_topics({OBSERVER.topic: None, TRUTH: None})
-    return build_truth_errors_table(read_observed_drive(columns[OBSERVER.topic]).track, columns[TRUTH]), values(log)
+    return build_error_statistics_table(read_observed_drive(columns[OBSERVER.topic]).track, columns[TRUTH]), values(log)
 
 
 def of_place(table: Table) -> list[dict[str, float]]:

@@ -73,7 +73,7 @@ def test_workers_are_kept_from_log_to_log() -> None:
 
 
 def test_workers_are_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local, "LOGS_PER_WORKER", 3)
+    monkeypatch.setattr(local, "MAX_LOGS_BEFORE_WORKER_REPLACEMENT", 3)
     ended = [done for _, done in run_on_local_processes([task(f"a{k}") for k in range(7)], PLAN, 1, die_on_b)]
     assert len(ended) == 7
     assert len({done.wall_s for done in ended if isinstance(done, TaskResult)}) == 3

@@ -72,8 +72,8 @@ def content(out: Path) -> dict[str, str]:
 def test_shards_merged_equal_one_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, make_logs: object
 ) -> None:
-    monkeypatch.setattr(tables, "ROWS_PER_GROUP", 16)
-    monkeypatch.setattr(tables, "ROWS_PER_NESTED_GROUP", 7)
+    monkeypatch.setattr(tables, "ROWS_PER_ROW_GROUP", 16)
+    monkeypatch.setattr(tables, "ROWS_PER_ROW_GROUP_WITH_LISTS", 7)
     monkeypatch.setattr(tables, "MAX_OPEN_TABLE_FILES", 4)  # the tables are written in several passes
     rng = np.random.default_rng(seed)
     logs: Logs = make_logs(rng)  # type: ignore[operator]

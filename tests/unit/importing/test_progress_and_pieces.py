@@ -73,7 +73,7 @@ def test_joined_pieces_are_the_same_columns(tmp_path: Path, monkeypatch: pytest.
     path = table(tmp_path, 5000)
     whole = plan_import([path], Answers())
     monkeypatch.setattr(delimited, "BYTES_PARSED_AT_ONCE", 4096)
-    monkeypatch.setattr(load, "MIN_ROWS_OF_JOINED_PIECES", 300)
+    monkeypatch.setattr(load, "MIN_ROWS_TO_JOIN_COLUMN_PIECES", 300)
     pieces = plan_import([path], Answers())
     for (_, one), (_, other) in zip(whole.channels, pieces.channels, strict=True):
         np.testing.assert_array_equal(one.log_time_ns, other.log_time_ns)

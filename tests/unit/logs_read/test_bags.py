@@ -23,7 +23,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE, InputError, OutputError, UsageError
+from cwcli.errors import EXIT_NOT_WRITTEN, EXIT_USAGE, InputError, OutputError, UsageError
 from cwcli.input import InputFile
 from cwcli.logs.codecs.compressed_messages import decompress_message
 from cwcli.logs.format.message_log import MessageLog
@@ -275,7 +275,7 @@ def test_no_room_for_what_a_bag_becomes_is_told_so(tmp_path: Path) -> None:
     words = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)); from cwcli.cli.main import main"
     command = [sys.executable, "-c", f"{words}; main()", "info", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == EXIT_OUTPUT
+    assert done.returncode == EXIT_NOT_WRITTEN
     assert done.stderr.startswith(f"error: {tempfile.gettempdir()}: {path} can't be converted: File too large\n")
 
 

@@ -14,7 +14,7 @@ from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, IndexType, Writer
 
-from cwcli.errors import EXIT_OUTPUT, OutputError
+from cwcli.errors import EXIT_NOT_WRITTEN, OutputError
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import OutputChannel
@@ -220,7 +220,7 @@ def test_what_is_there_already_is_refused(
     annotate_log(source_stub(write_log(tmp_path / "in.mcap")), [state_channel()], RUN, tmp_path / "1.mcap")
     with pytest.raises(OutputError, match=words) as caught:
         annotate_log(source_stub(tmp_path / "1.mcap"), channels, metadata, tmp_path / "2.mcap")
-    assert caught.value.exit_code == EXIT_OUTPUT
+    assert caught.value.exit_code == EXIT_NOT_WRITTEN
     assert "--replace" in caught.value.hint
     assert not (tmp_path / "2.mcap").exists()
 

@@ -15,7 +15,7 @@ import pytest
 
 import cwcli.output_stream
 import cwcli.temporary
-from cwcli.errors import EXIT_OUTPUT, OutputError, UsageError
+from cwcli.errors import EXIT_NOT_WRITTEN, OutputError, UsageError
 from cwcli.input import InputFile
 from cwcli.output import AtomicGroup, open_output, refuse_unwritable_target, write_file
 
@@ -91,7 +91,7 @@ def test_existing_file_needs_force(tmp_path: Path) -> None:
     target.write_bytes(b"old")
     with pytest.raises(OutputError, match="the file exists") as caught:
         write_file(target, b"new")
-    assert caught.value.exit_code == EXIT_OUTPUT
+    assert caught.value.exit_code == EXIT_NOT_WRITTEN
     assert "--force" in caught.value.hint
     write_file(target, b"new", force=True)
     assert target.read_bytes() == b"new"
@@ -250,7 +250,7 @@ def test_full_disk_behind_stdout() -> None:
         "    raise SystemExit(error.exit_code)\n"
     )
     with Path("/dev/full").open("wb") as full:
-        assert run_to_stdout(code, stdout=full).wait(timeout=600) == EXIT_OUTPUT
+        assert run_to_stdout(code, stdout=full).wait(timeout=600) == EXIT_NOT_WRITTEN
 
 
 def test_terminal_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.measures import MEASURES
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s
-from cwcli.measures.p_mc import ACCEL_SIGMA_MPS2, CONTACT_HORIZON_S
+from cwcli.measures.p_mc import CONTACT_HORIZON_S, RANDOM_MANOEUVRE_ACCEL_SIGMA_MPS2
 from cwcli.measures.pair import ActualTrack, Pair
 
 N_ENCOUNTERS, N_RANDOM = 8, 60_000
@@ -26,7 +26,7 @@ def test_against_random_samples() -> None:
     at = EdgeProjections.from_pair(pair)
     expected = []
     for row in range(N_ENCOUNTERS):
-        ax, ay = rng.normal(0.0, ACCEL_SIGMA_MPS2, (2, N_RANDOM))
+        ax, ay = rng.normal(0.0, RANDOM_MANOEUVRE_ACCEL_SIGMA_MPS2, (2, N_RANDOM))
         hit = accelerated_contact_time_s(at.select_rows(np.full(N_RANDOM, row)), ax, ay) <= CONTACT_HORIZON_S
         expected.append(hit.mean())
     spread = np.array(expected)

@@ -18,7 +18,7 @@ from cwcli.prediction.outcome_history import (
     StateHistory,
     accel_and_yaw_rate_clearness_0_to_1,
     actual_displacement_beyond_constant_velocity_m,
-    displacement_beyond_constant_velocity_m,
+    displacement_from_accel_and_yaw_rate_m,
     gain_of_each_part_from_outcomes,
     measure_acting_time_s,
     state_histories_by_vehicle,
@@ -134,9 +134,9 @@ def test_what_is_promised_by_hand() -> None:
     state[0, 2], state[0, 4], state[0, 5] = 4.0, -2.0, 0.1
     # along: -h^2 until it stands at 2 s after 4 m; across: 4 * 0.1 h^2 / 2
     np.testing.assert_allclose(
-        displacement_beyond_constant_velocity_m(state)[0, 0], [-0.25, -1.0, 4.0 - 10.0, 4.0 - 20.0]
+        displacement_from_accel_and_yaw_rate_m(state)[0, 0], [-0.25, -1.0, 4.0 - 10.0, 4.0 - 20.0]
     )
-    np.testing.assert_allclose(displacement_beyond_constant_velocity_m(state)[0, 1], 0.2 * HORIZON_KNOTS_S**2)
+    np.testing.assert_allclose(displacement_from_accel_and_yaw_rate_m(state)[0, 1], 0.2 * HORIZON_KNOTS_S**2)
 
 
 @pytest.mark.parametrize("speed", [10.0, -10.0])
@@ -148,7 +148,7 @@ def test_steady_bend_and_steady_acceleration_follow_in_full(speed: float) -> Non
         is_known = np.isfinite(followed)
         assert is_known.any(axis=0).all()
         np.testing.assert_allclose(
-            followed[is_known], displacement_beyond_constant_velocity_m(track.state)[is_known], atol=2e-3
+            followed[is_known], displacement_from_accel_and_yaw_rate_m(track.state)[is_known], atol=2e-3
         )
 
 
@@ -170,7 +170,7 @@ def test_gain_is_the_ridge_estimate_of_the_outcomes_known_so_far() -> None:
     prior = FleetPrior(np.full((2, 4, 3), 0.4), np.full((2, 4), 0.7), np.zeros((4, 6)))
     gain = gain_of_each_part_from_outcomes(track, unclear_lasting_new_shares_of_derivatives(track), prior)
     promised, followed = (
-        displacement_beyond_constant_velocity_m(state)[..., None] * unclear_lasting_new_shares_of_derivatives(track),
+        displacement_from_accel_and_yaw_rate_m(state)[..., None] * unclear_lasting_new_shares_of_derivatives(track),
         actual_displacement_beyond_constant_velocity_m(track),
     )
     at = 100

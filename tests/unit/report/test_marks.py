@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from cwcli.report import pairs as marks_module
-from cwcli.report.pairs import MIN_NAME_DIGITS, stable_anchor_names
+from cwcli.report.pairs import MIN_HEX_DIGITS_OF_ANCHOR_NAME, stable_anchor_names
 
 
 def test_names_that_agree_by_chance_get_more_digits() -> None:
@@ -17,7 +17,10 @@ def test_names_that_agree_by_chance_get_more_digits() -> None:
     names = stable_anchor_names("x.mcap", "warning", (("ttc", str(k)) for k in range(2_000)))
     assert len(set(names)) == 2_000
     assert names[:3] == stable_anchor_names("x.mcap", "warning", (("ttc", str(k)) for k in range(3)))
-    assert {len(name) - len("warning-") for name in names} == {MIN_NAME_DIGITS, MIN_NAME_DIGITS + 1}
+    assert {len(name) - len("warning-") for name in names} == {
+        MIN_HEX_DIGITS_OF_ANCHOR_NAME,
+        MIN_HEX_DIGITS_OF_ANCHOR_NAME + 1,
+    }
 
 
 class CountedText(str):

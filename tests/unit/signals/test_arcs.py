@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals.lane_geometry import (
-    MAX_DIRECTION_SINE_OF_DRAWN_LINE,
+    MAX_SINE_OF_DRAWN_LINE_DIRECTION,
     Pinhole,
     curvature_change_ratios_to_centre_line,
     distance_ahead_to_direction_sine_m,
@@ -87,7 +87,7 @@ def test_a_spiral_is_the_integral_of_its_direction(change_1pm2: float) -> None:
     # sin phi = 0.1 + 0.02 x + change x^2 / 2 ahead, 1.5 m aside: a ramp's beginning, end or middle
     x_m = np.linspace(0.0, 16.0, 16001)
     sine = 0.1 + 0.02 * x_m + 0.5 * change_1pm2 * x_m**2
-    end = int(np.argmax(np.abs(sine) >= MAX_DIRECTION_SINE_OF_DRAWN_LINE)) or len(x_m)
+    end = int(np.argmax(np.abs(sine) >= MAX_SINE_OF_DRAWN_LINE_DIRECTION)) or len(x_m)
     slope = sine[:end] / np.sqrt(1.0 - sine[:end] ** 2)
     y_m = 1.5 + np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * 0.001)])
     start = 0.1 / math.sqrt(0.99)
@@ -144,4 +144,4 @@ def test_a_gentle_bend_is_a_parabola() -> None:
     h = np.linspace(11.0, 200.0, 50)
     parabola = 315.0 + np.array([[0.1 - 1.45], [0.1 + 1.45]]) * h + 150.0 / h + 900.0 / h**2
     np.testing.assert_allclose(boundary_columns_in_rows_px(lane, h + 100.0, pinhole), parabola, atol=0.15)
-    assert MAX_DIRECTION_SINE_OF_DRAWN_LINE < 1.0
+    assert MAX_SINE_OF_DRAWN_LINE_DIRECTION < 1.0

@@ -12,7 +12,7 @@ from cwcli.signals.build import require_usable_rows
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteSignal, SpeedSignal
 from cwcli.signals.columns import Columns
 from cwcli.signals.etsi import VAM_PATHS
-from cwcli.signals.j2735 import JSON_RAW_PATHS
+from cwcli.signals.j2735 import STANDARD_JSON_PATHS_BY_QUANTITY
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of
@@ -213,7 +213,9 @@ def test_bsm_in_reverse_keeps_the_heading_of_its_front(columns: Columns) -> None
 
 def test_bsm_in_reverse_as_an_object() -> None:
     columns = json_bsm()
-    fields = {path: field for path, field in columns.fields.items() if path != JSON_RAW_PATHS["transmission"]}
+    fields = {
+        path: field for path, field in columns.fields.items() if path != STANDARD_JSON_PATHS_BY_QUANTITY["transmission"]
+    }
     as_object = {"coreData.transmission.reverseGears": ["x"]}
     signal, _ = remote(
         columns_of("BasicSafetyMessage", fields | as_object, message_encoding="json", log_time_ns=LOG_NS)
@@ -272,7 +274,7 @@ def stream(stations: list[str], latitudes: list[int], dsecond_ms: list[int], **m
     values: dict[str, list[Any]] = {name: [value] * n_rows for name, value in RAW_BSM.items()}
     values |= {"station": stations, "latitude_deg": latitudes, "dsecond_ms": dsecond_ms, **more}
     log_ns = T0_NS + (np.array(dsecond_ms) - 10_000 + 20) * MS
-    fields = {JSON_RAW_PATHS[name]: value for name, value in values.items()}
+    fields = {STANDARD_JSON_PATHS_BY_QUANTITY[name]: value for name, value in values.items()}
     return columns_of("BasicSafetyMessage", fields, topic="/v2x", message_encoding="json", log_time_ns=log_ns)
 
 

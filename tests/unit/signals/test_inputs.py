@@ -10,7 +10,9 @@ from cwcli.signals.input_rows import load_attribute_of_signals
 
 
 def test_every_named_builder_exists() -> None:
-    builds = {entry.build for entries in inputs.INPUTS.values() for entry in entries if entry.build is not None}
+    builds = {
+        entry.build for entries in inputs.INPUTS_BY_SCHEMA_NAME.values() for entry in entries if entry.build is not None
+    }
     assert len(builds) > 40
     for build in builds:
         assert build.__closure__ is not None
@@ -20,7 +22,12 @@ def test_every_named_builder_exists() -> None:
 
 
 def test_fields_of_every_input_can_be_looked_up() -> None:
-    v2x = [entry for name, entries in inputs.INPUTS.items() if "BSM" in name or "CAM" in name for entry in entries]
+    v2x = [
+        entry
+        for name, entries in inputs.INPUTS_BY_SCHEMA_NAME.items()
+        if "BSM" in name or "CAM" in name
+        for entry in entries
+    ]
     assert len(v2x) >= 16
     for entry in v2x:
         assert all(len(leaves) > 10 for leaves in entry.fields.values())

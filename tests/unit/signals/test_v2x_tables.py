@@ -47,10 +47,17 @@ def element_of(cells: list[str]) -> Element:
 @pytest.mark.parametrize(
     ("heading", "elements"),
     [
-        ("SAE J2735", j2735.ELEMENTS),
-        ("ETSI CAM", etsi.ELEMENTS),
-        ("What others perceived", cpm.ELEMENTS),
-        ("SDSM", {name: each for name, each in sdsm.ELEMENTS.items() if name not in j2735.ELEMENTS}),
+        ("SAE J2735", j2735.DATA_ELEMENTS_BY_BSM_QUANTITY),
+        ("ETSI CAM", etsi.DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY),
+        ("What others perceived", cpm.DATA_ELEMENTS_BY_CPM_QUANTITY),
+        (
+            "SDSM",
+            {
+                name: each
+                for name, each in sdsm.DATA_ELEMENTS_BY_SDSM_QUANTITY.items()
+                if name not in j2735.DATA_ELEMENTS_BY_BSM_QUANTITY
+            },
+        ),
     ],
     ids=["j2735", "etsi", "cpm", "sdsm"],
 )
@@ -65,13 +72,13 @@ def test_docs_yaw_rate_confidence_is_the_code_s_table() -> None:
         r"codes 0 to 6 of YawRateConfidence are bounds for 95 %: ([\d., ]+) degrees/s; (.+?)\.", text, re.S
     )
     assert found is not None
-    assert dict(enumerate(map(float, found[1].split(",")))) == etsi.YAW_RATE_95_DEGPS_BY_CODE
+    assert dict(enumerate(map(float, found[1].split(",")))) == etsi.YAW_RATE_95_PERCENT_BOUND_BY_CONFIDENCE_CODE_DEGPS
     assert " ".join(found[2].split()) == "7 is out of range, 8 unavailable"
 
 
 def test_docs_confidences_of_an_sdsm_are_the_code_s() -> None:
     text = DOCS.read_text(encoding="utf-8")
-    for name, bounds in sdsm.CONFIDENCE_BOUNDS_BY_QUANTITY.values():
+    for name, bounds in sdsm.STANDARD_NAME_AND_95_PERCENT_BOUNDS_BY_QUANTITY.values():
         found = re.search(rf"^\| {name} \| ([\d., ]+) \S+ \|$", text, flags=re.MULTILINE)
         assert found is not None, name
         assert tuple(map(float, found[1].split(","))) == bounds
@@ -195,7 +202,12 @@ BY_HAND = [
 ]
 
 
-STANDARDS = {"j2735": j2735.ELEMENTS, "etsi": etsi.ELEMENTS, "cpm": cpm.ELEMENTS, "sdsm": sdsm.ELEMENTS}
+STANDARDS = {
+    "j2735": j2735.DATA_ELEMENTS_BY_BSM_QUANTITY,
+    "etsi": etsi.DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY,
+    "cpm": cpm.DATA_ELEMENTS_BY_CPM_QUANTITY,
+    "sdsm": sdsm.DATA_ELEMENTS_BY_SDSM_QUANTITY,
+}
 
 
 @pytest.mark.parametrize(("standard", "quantity", "code", "expected"), BY_HAND)
@@ -222,7 +234,10 @@ def test_decode_is_nan_for_every_special_code_and_outside_the_range(standard: st
 
 def test_by_hand_table_covers_every_element_and_every_special_code() -> None:
     covered = {(standard, quantity, code) for standard, quantity, code, _ in BY_HAND}
-    for standard, elements in (("j2735", j2735.ELEMENTS), ("etsi", etsi.ELEMENTS)):
+    for standard, elements in (
+        ("j2735", j2735.DATA_ELEMENTS_BY_BSM_QUANTITY),
+        ("etsi", etsi.DATA_ELEMENTS_BY_CAM_OR_VAM_QUANTITY),
+    ):
         for quantity, element in elements.items():
             assert any(row[:2] == (standard, quantity) for row in covered)
             for code in element.unavailable + element.out_of_range:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.signals.columns import Columns, Ragged
 from cwcli.signals.etsi import CAM_PATHS, CAM_TS_PATHS
-from cwcli.signals.j2735 import CARMA_PRESENCE_MASKS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
+from cwcli.signals.j2735 import CARMA_PRESENCE_MASKS, JSON_ODE_PATHS, ROS_PATHS, STANDARD_JSON_PATHS_BY_QUANTITY
 from cwcli.signals.v2x_tables import ros_leaf_path, ros_presence_paths
 from tests.unit.signals.radio import packing
 from tests.unit.signals.signal_columns import T0_NS, columns_of
@@ -95,7 +95,7 @@ def message(schema: str, paths: dict[str, str], values: dict[str, Any], encoding
 
 
 def json_bsm(changes: dict[str, Any] | None = None, prefix: str = "", schema: str = "BasicSafetyMessage") -> Columns:
-    paths = {name: prefix + leaf for name, leaf in JSON_RAW_PATHS.items()}
+    paths = {name: prefix + leaf for name, leaf in STANDARD_JSON_PATHS_BY_QUANTITY.items()}
     return message(schema, paths, RAW_BSM | (changes or {}), "json")
 
 
@@ -123,7 +123,7 @@ def cam(changes: dict[str, Any] | None = None, *, is_ts: bool = False) -> Column
 
 def packed_bsm(k: int = 0) -> bytes:
     """The BSM in a MessageFrame, `k` tenths of a second later."""
-    codes = {JSON_RAW_PATHS[name]: value for name, value in RAW_BSM.items()}
+    codes = {STANDARD_JSON_PATHS_BY_QUANTITY[name]: value for name, value in RAW_BSM.items()}
     codes |= {"coreData.id": 0x2A3C603C, "coreData.transmission": 2}
     codes["coreData.secMark"] += 100 * k
     return packing.framed(packing.bsm(dict.fromkeys(packing.CORE, 0) | codes))

@@ -13,7 +13,7 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.simulate.sensor_log import write_simulated_log
 from cwcli.simulation.detectors import positions_and_velocities_in_host_body_frame
 from cwcli.simulation.drive import simulate_scenario
-from cwcli.simulation.dual_sensor import TARGET_PATHS
+from cwcli.simulation.dual_sensor import TARGET_POSITIONS_BY_PATH_SHAPE
 from cwcli.simulation.scenario import load_scenario, parse_scenario
 
 
@@ -91,10 +91,10 @@ def test_an_unknown_sensor_lists_those_there_are() -> None:
         parse_scenario(scene(sonar={}), name="a")
 
 
-@pytest.mark.parametrize("name", TARGET_PATHS)
+@pytest.mark.parametrize("name", TARGET_POSITIONS_BY_PATH_SHAPE)
 def test_the_four_manoeuvres_are_those_of_the_reproduction(name: str) -> None:
     """The weave is made of straight pieces of yaw rate, the others are exact but for 20 ms of steering."""
     motion = load_scenario(f"xiang2019-{name}").vehicles["target"].motion
     time_s = np.linspace(0.0, 12.0, 25)
-    away_m = np.hypot(*(motion.states_at(time_s)[:, :2] - TARGET_PATHS[name](time_s)).T)
+    away_m = np.hypot(*(motion.states_at(time_s)[:, :2] - TARGET_POSITIONS_BY_PATH_SHAPE[name](time_s)).T)
     assert away_m.max() < (1.0 if name == "weave" else 0.1)

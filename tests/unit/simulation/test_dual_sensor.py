@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.dual_sensor import (
-    TARGET_PATHS,
+    TARGET_POSITIONS_BY_PATH_SHAPE,
     SensorNoise,
     measure_positions_with_lidar,
     measure_states_with_radar,
@@ -41,7 +41,7 @@ def test_a_standing_target_is_straight_ahead_and_the_sensors_alternate() -> None
     np.testing.assert_array_equal(scene.truth_state, np.tile([0.0, 4.9, 0.0, 0.0], (8, 1)))
 
 
-@pytest.mark.parametrize("name", TARGET_PATHS)
+@pytest.mark.parametrize("name", TARGET_POSITIONS_BY_PATH_SHAPE)
 def test_segments_are_smooth_walks_in_front_of_the_car(name) -> None:
     _, state = times_and_true_states_on_path(name, 240)
     speed = np.hypot(state[:, 2], state[:, 3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary import BOUNDARY_NOT_FOUND, Boundary
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import boundary_top_rows_px, image_hyperbolas_of_flat_road
@@ -61,7 +61,7 @@ def test_roads_end_with_the_road_at_60_m() -> None:
     assert lines.horizon_px[0] == pytest.approx(100.0)
     assert lines.top_px[0] == pytest.approx(110.8)
     long = Camera(640, 360, 1500.0, 1500.0, 319.5, 179.5, mounting=Mounting(height_m=1.2))
-    fits = columns_of([LaneFit(NOT_FOUND, NOT_FOUND, pitch_rad=0.0)])
+    fits = columns_of([LaneFit(BOUNDARY_NOT_FOUND, BOUNDARY_NOT_FOUND, pitch_rad=0.0)])
     assert boundary_top_rows_px(fits, long, np.array([179.5]))[0] == pytest.approx(179.5 + 1500.0 * 1.2 / 60.0)
 
 
@@ -97,7 +97,7 @@ def test_boundaries_end_where_they_meet_in_whatever_order_the_rows_are() -> None
 
 def test_one_boundary_alone_is_a_line() -> None:
     fit = fit_of(LEVEL)
-    fits = columns_of([LaneFit(NOT_FOUND, fit.right, pitch_rad=fit.pitch_rad)])
+    fits = columns_of([LaneFit(BOUNDARY_NOT_FOUND, fit.right, pitch_rad=fit.pitch_rad)])
     horizon_px = CAMERA.horizon_row_px(fits.pitch_rad)
     lines = BoundaryLines(
         fits.parabolas,

@@ -10,7 +10,7 @@ import pytest
 
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.lane_geometry import lateral_positions_of_arcs_m
-from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary import BOUNDARY_NOT_FOUND, Boundary
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import MAX_SAMPLE_DISTANCE_M, GeometrySigmas, compute_lane_geometry
 from cwcli.vision.lane_model import (
@@ -87,7 +87,7 @@ def curved(
 def test_preview_in_a_tight_bend_is_on_the_circle(preview_m: float) -> None:
     # 23 m to the right: y = R - sqrt(R^2 - D^2) to the right, the lane's direction there is asin(D / R) to the right.
     fit, _ = curved(1.0 / 23.0, 0.0, 0.0)
-    alone = replace(fit, right=NOT_FOUND)
+    alone = replace(fit, right=BOUNDARY_NOT_FOUND)
     made = compute_lane_geometry(columns_of([fit, alone]), LEVEL, preview_m=preview_m)
     assert made.lateral_deviation_m[0] == pytest.approx(23.0 - math.sqrt(23.0**2 - preview_m**2), rel=1e-3)
     assert made.heading_deviation_rad[0] == pytest.approx(math.asin(preview_m / 23.0), rel=1e-3)
@@ -168,8 +168,10 @@ def test_distorted_camera_gives_the_same_road() -> None:
 
 def test_one_boundary_gives_direction_but_no_place() -> None:
     fit = lane(CAMERA, 0.0, 0.02, 0.0)
-    alone = LaneFit(fit.left, NOT_FOUND)
-    geometry = compute_lane_geometry(columns_of([alone, LaneFit(NOT_FOUND, NOT_FOUND)]), CAMERA, preview_m=PREVIEW_M)
+    alone = LaneFit(fit.left, BOUNDARY_NOT_FOUND)
+    geometry = compute_lane_geometry(
+        columns_of([alone, LaneFit(BOUNDARY_NOT_FOUND, BOUNDARY_NOT_FOUND)]), CAMERA, preview_m=PREVIEW_M
+    )
     assert np.isnan(geometry.lateral_deviation_m[0])
     assert np.isnan(geometry.lateral_deviation_sigma_m[0])
     assert geometry.heading_deviation_rad[0] == pytest.approx(-0.02, abs=1e-4)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.metrics.lane_scores import VISUAL_MIN_ROW_SHARE
+from cwcli.metrics.lane_scores import VISUAL_STANDARD_MIN_ROW_SHARE
 from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
@@ -282,7 +282,7 @@ def test_a_ramp_is_followed_from_its_beginning_to_its_end(with_motion: bool) -> 
     seen = watched(drive := planned("ramp", 200, 16.0), drive.iter_rendered_frames(), with_motion=with_motion)
     found, true = places_m(seen)
     assert np.abs(found - true).max() < 0.2
-    assert (np.nan_to_num(seen.share, nan=1.0) >= VISUAL_MIN_ROW_SHARE).mean() > 0.99
+    assert (np.nan_to_num(seen.share, nan=1.0) >= VISUAL_STANDARD_MIN_ROW_SHARE).mean() > 0.99
 
 
 def test_a_followed_lane_may_not_jump() -> None:

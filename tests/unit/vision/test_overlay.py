@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary import BOUNDARY_NOT_FOUND, Boundary
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.method import LaneFit
 from cwcli.vision.overlay import boundary_points_in_image, draw_boundaries, encode_jpeg
@@ -57,7 +57,7 @@ def test_points_are_dense_enough_for_a_bend() -> None:
 
 
 def test_missing_boundary_has_no_line_and_leaves_the_other() -> None:
-    _, is_in = boundary_points_in_image(lines_of([LaneFit(NOT_FOUND, RIGHT)]), (320, 240), (320, 240))
+    _, is_in = boundary_points_in_image(lines_of([LaneFit(BOUNDARY_NOT_FOUND, RIGHT)]), (320, 240), (320, 240))
     assert not is_in[0, 0].any()
     assert is_in[0, 1].all()
 

@@ -11,7 +11,7 @@ from cwcli.vision.lane_detect import search_first_frame_at_vanishing_points
 from cwcli.vision.lane_model import HORIZON, VANISHING, first_frame_prior
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFit, LaneFrame
-from cwcli.vision.vanishing import CLEAR_VOTE_SHARE, find_vanishing_points
+from cwcli.vision.vanishing import MIN_CLEAR_VANISHING_POINT_VOTE_SHARE, find_vanishing_points
 from tests.set_frames import render_set_frame
 
 CAMERA = default_camera(320, 240, Mounting())
@@ -47,7 +47,7 @@ def test_a_lane_tells_which_of_several_vanishing_points_is_right() -> None:
     first, *others = find_vanishing_points(grey, 320.0)
     assert abs(first.u_px - 330.0) > 100.0
     assert any(abs(each.u_px - 330.0) < 6.0 and abs(each.v_px - 140.0) < 4.0 for each in others)
-    assert max(each.votes for each in others) <= first.votes < CLEAR_VOTE_SHARE
+    assert max(each.votes for each in others) <= first.votes < MIN_CLEAR_VANISHING_POINT_VOTE_SHARE
     camera = default_camera(640, 360, Mounting())
     lanes, _, _, votes = search_first_frame_at_vanishing_points(grey, camera, first_frame_prior(camera))
     assert lanes[0, HORIZON] == pytest.approx(140.0, abs=2.0)

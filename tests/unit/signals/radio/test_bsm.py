@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from cwcli.signals.bsm_flags import EVENT_FLAG_NAMES, HARD_BRAKING_FLAG_NAME
-from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, DecodedMessages, Octets, decode_messages
+from cwcli.signals.radio.messages import (
+    CODE_OF_MISSING_COMPONENT,
+    DECODE_FAULT_TEXTS,
+    DecodedMessages,
+    Octets,
+    decode_messages,
+)
 from cwcli.signals.radio.program import compile_asn1_type, load_message_type
 from cwcli.signals.radio.standard_messages import BSM_EVENT_FLAGS_PATH
 from tests.unit.signals.radio import packing
@@ -61,8 +67,10 @@ def check_random(n: int, seed: int) -> None:
     for row, value in enumerate(values):
         assert core_of(core, row) == {name: value[name] for name in packing.CORE}
         safety = value.get("safety", {})
-        assert core.component_codes(BSM_EVENT_FLAGS_PATH)[row] == safety.get("events", MISSING_CODE)
-        assert (radius[row], confidence[row]) == safety.get("prediction", (MISSING_CODE, MISSING_CODE))
+        assert core.component_codes(BSM_EVENT_FLAGS_PATH)[row] == safety.get("events", CODE_OF_MISSING_COMPONENT)
+        assert (radius[row], confidence[row]) == safety.get(
+            "prediction", (CODE_OF_MISSING_COMPONENT, CODE_OF_MISSING_COMPONENT)
+        )
         expected = [[crumb[name] for name in CRUMB_NAMES] for crumb in value.get("all_crumbs", [])]
         assert crumbs[first[row] : first[row + 1]].tolist() == expected
 
@@ -78,7 +86,7 @@ def check_mutated(n: int, seed: int) -> dict[str, int]:
     for row, message in enumerate(messages):
         core = core_of(decoded, row)
         if decoded.status[row]:
-            assert set(core.values()) == {MISSING_CODE}
+            assert set(core.values()) == {CODE_OF_MISSING_COMPONENT}
             continue
         bits = "".join(f"{each:08b}" for each in message)
         assert packing.core_bits(core) == bits[3 : 3 + packing.N_CORE_BITS]
@@ -118,7 +126,7 @@ def test_a_published_message_is_what_its_publisher_decoded() -> None:
     assert [int(core.component_codes(f"{PREDICTION_PATH}.{name}")[0]) for name in ("radiusOfCurve", "confidence")] == [
         *PREDICTION_ODE
     ]
-    assert core.component_codes(BSM_EVENT_FLAGS_PATH)[0] == MISSING_CODE
+    assert core.component_codes(BSM_EVENT_FLAGS_PATH)[0] == CODE_OF_MISSING_COMPONENT
 
 
 def test_any_message_of_an_independent_encoder_is_decoded_exactly() -> None:

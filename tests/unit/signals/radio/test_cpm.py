@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
+from cwcli.signals.radio.messages import CODE_OF_MISSING_COMPONENT, DECODE_FAULT_TEXTS, decode_messages
 from cwcli.signals.radio.standard_messages import CPM
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
@@ -233,7 +233,7 @@ def code_of(made: Any, path: str) -> int:
             made = made[1] if made[0] == name else {}
             continue
         made = made.get(name, {}) if isinstance(made, dict) else {}
-    return MISSING_CODE if made in ({}, ()) else int(made)
+    return CODE_OF_MISSING_COMPONENT if made in ({}, ()) else int(made)
 
 
 def check_random(n: int, seed: int) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
+from cwcli.signals.radio.messages import CODE_OF_MISSING_COMPONENT, DECODE_FAULT_TEXTS, decode_messages
 from cwcli.signals.radio.standard_messages import SDSM
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.packing import framed
@@ -30,7 +30,7 @@ def check_random(n: int, seed: int) -> None:
     for path in SDSM.components.values():
         below = path.removeprefix(f"{SDSM.objects_path}.")
         owners = [values for values, *_ in made] if below == path else [one for _, one in objects]
-        expected = [one.get(below, MISSING_CODE) for one in owners]
+        expected = [one.get(below, CODE_OF_MISSING_COMPONENT) for one in owners]
         assert decoded.component_codes(path).tolist() == expected, path
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.radio.messages import MISSING_CODE, decode_messages
+from cwcli.signals.radio.messages import CODE_OF_MISSING_COMPONENT, decode_messages
 from cwcli.signals.radio.standard_messages import VAM
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.test_bsm import octets_of
@@ -74,7 +74,7 @@ def test_any_message_of_an_independent_encoder_is_decoded_exactly() -> None:
             value = made
             for name in path.split("."):
                 value = value.get(name, {}) if isinstance(value, dict) else value
-            assert decoded.component_codes(path)[row] == (MISSING_CODE if value == {} else value), path
+            assert decoded.component_codes(path)[row] == (CODE_OF_MISSING_COMPONENT if value == {} else value), path
 
 
 def test_the_smallest_message_has_269_bits() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from cwcli.simulation.catalogue import WEATHER_NAMES
 from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
-from cwcli.simulation.road.conditions import CONDITIONS
+from cwcli.simulation.road.conditions import DRAW_FUNCTION_BY_WEATHER
 from cwcli.simulation.road.geometry import RoadAhead
 from cwcli.simulation.road.paint import paint_marking
 from cwcli.simulation.road.render import RoadFrame, compute_frame_truth, render_frame
@@ -130,19 +130,19 @@ def test_vehicle_hides_the_boundary_behind_it() -> None:
     assert np.array_equal(rendered.left_visible, truth.left_visible)
 
 
-@pytest.mark.parametrize("name", CONDITIONS)
+@pytest.mark.parametrize("name", DRAW_FUNCTION_BY_WEATHER)
 def test_every_condition_renders_and_leaves_the_geometry_alone(name: str) -> None:
     rng = np.random.default_rng(4)
-    made = make(CONDITIONS[name](scene(), rng))
+    made = make(DRAW_FUNCTION_BY_WEATHER[name](scene(), rng))
     assert made.grey.dtype == np.uint8
     assert 3 < made.grey.mean() < 230
     np.testing.assert_array_equal(made.truth.left_u_px, make(scene()).truth.left_u_px)
 
 
 def test_names_for_the_command_line_are_the_registry() -> None:
-    assert tuple(CONDITIONS) == WEATHER_NAMES
+    assert tuple(DRAW_FUNCTION_BY_WEATHER) == WEATHER_NAMES
     for spec in FRAME_SETS.values():
-        assert set(spec.conditions) <= set(CONDITIONS)
+        assert set(spec.conditions) <= set(DRAW_FUNCTION_BY_WEATHER)
         assert sum(spec.conditions.values()) == pytest.approx(1.0)
 
 
