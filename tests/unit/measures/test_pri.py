@@ -74,10 +74,11 @@ def test_pri_is_that_of_outlines_moved_in_steps() -> None:
         size = rng.uniform(0.4, 2.0), rng.uniform(0.4, 1.0)
         heading, time_s = rng.uniform(-3.0, 3.0), np.arange(0.0, 3.0, STEP_S)
         meet_s, lead_s = rng.uniform(2.5, 4.0), rng.uniform(-0.5, 0.8)
-        host = track(time_s, *(-speed * meet_s * np.array([np.cos(heading), np.sin(heading)])), speed, heading)
+        host_x, host_y = -speed * meet_s * np.array([np.cos(heading), np.sin(heading)])
+        host = track(time_s, host_x, host_y, speed, heading)
         way = heading + turn
-        start = -walk * (meet_s - lead_s) * np.array([np.cos(way), np.sin(way)])
-        other = track(time_s, *start, walk, way)
+        other_x, other_y = -walk * (meet_s - lead_s) * np.array([np.cos(way), np.sin(way)])
+        other = track(time_s, other_x, other_y, walk, way)
         total = 0.0
         stop_s = REACTION_S + speed / BRAKING_MPS2
         for k in range(len(time_s)):

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.simulation.catalogue import WEATHER_NAMES
 from cwcli.simulation.road.camera import camera_of_zhang2011, wide_camera
 from cwcli.simulation.road.conditions import DRAW_FUNCTION_BY_WEATHER
 from cwcli.simulation.road.geometry import RoadAhead
+from cwcli.simulation.road.names import WEATHER_NAMES
 from cwcli.simulation.road.paint import paint_marking
 from cwcli.simulation.road.render import RoadFrame, compute_frame_truth, render_frame
 from cwcli.simulation.road.rows import compute_road_rows
