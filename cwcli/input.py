@@ -328,7 +328,24 @@ def names_of_inputs_in_folders(*folders: Path) -> list[str]:
     inputs = _INPUTS_OF_RUN.get()
     prefixes = tuple(os.path.realpath(folder) + os.sep for folder in folders)
     names = inputs.names.values() if inputs is not None else ()
-    return [name for name in names if os.path.realpath(name).startswith(prefixes)]
+    real_names = RealPaths()
+    return [name for name in names if real_names.resolve(name).startswith(prefixes)]
+
+
+class RealPaths:
+    """Resolves links in the names of many files; a folder that several share is resolved once."""
+
+    def __init__(self) -> None:
+        self._real_folders: dict[str, str] = {}
+
+    def resolve(self, name: str) -> str:
+        """Return the absolute name of a file without links, as `os.path.realpath`."""
+        folder, own = os.path.split(name)
+        if own in {"", ".", ".."} or os.path.islink(name):  # noqa: PTH114 - a zero byte in the name is no error here
+            return os.path.realpath(name)
+        if folder not in self._real_folders:
+            self._real_folders[folder] = os.path.realpath(folder)
+        return os.path.join(self._real_folders[folder], own)  # noqa: PTH118 - a `Path` takes ten times as long
 
 
 def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTINGS_BYTES) -> bytes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.console import Console, print_error
@@ -42,7 +41,6 @@ def run_on_many_logs(
     from cwcli.fleet.run import run_fleet
 
     console = Console(quiet=talk.quiet)
-    forgotten = _gates_that_run_forgets(plan, directory)
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step("looking for logs")
         unchanged: set[str] = set()
@@ -62,21 +60,11 @@ def run_on_many_logs(
         print_fleet_digest(console, fleet, directory)
         if talk.details:
             print_fleet_details(console, fleet)
-    for gate in forgotten:
+    for gate in (each for each in fleet.earlier_gates if each not in plan.pipeline["gates"]):
         console.print_note(f"{shlex.join(('--gate', gate))} of the earlier run into this folder no longer holds")
     for error in distinct_errors(fleet.manifest["logs"]):
         print_error(error)
     return fleet.exit_code
-
-
-def _gates_that_run_forgets(plan: FleetPlan, directory: str) -> list[str]:
-    """Return the gates of an earlier run into the folder that the new one does not have."""
-    from cwcli.fleet.folder import read_gates_of_earlier_run
-    from cwcli.logs.read.remote import is_remote_url
-
-    if is_remote_url(directory):
-        return []
-    return [gate for gate in read_gates_of_earlier_run(Path(directory)) if gate not in plan.pipeline["gates"]]
 
 
 def fleet_document(fleet: FleetResult, directory: str) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, read_eg
 
 if TYPE_CHECKING:
     from cwcli.events.base import Moment
-    from cwcli.events.own_path import OnOwnPath
+    from cwcli.events.own_path import DrivenWay, OnOwnPath
 
 NEVER_PAUSING_SENSOR_ROLES = (
     Role.EGO_SPEED,
@@ -66,6 +66,7 @@ class EventEvidence:
 
     Attributes:
         lane_changes: The ego's lane changes, once they have been looked for; three kinds of events need them.
+        driven_way, grid_rows: The ego's way, and the rows at which it is looked at, once they were asked for.
         on_own_path: Other vehicle -> its projection on the ego's way, once it was asked for; five kinds need it.
     """
 
@@ -75,6 +76,8 @@ class EventEvidence:
         self._selection = StatesSelection(states="hindsight")
         self._pairs: dict[str, Pair] = {}
         self.lane_changes: tuple[Moment, ...] | None = None
+        self.driven_way: DrivenWay | None = None
+        self.grid_rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]] | None = None
         self.on_own_path: dict[str, OnOwnPath] = {}
 
     @cached_property

@@ -42,7 +42,7 @@ def find_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
 
 
 def _iter_lane_changes(evidence: EventEvidence) -> Iterator[Moment]:
-    rows = rows_one_grid_step_apart(evidence.stamp_ns)
+    rows = rows_one_grid_step_apart(evidence)
     stamp_ns, state = evidence.stamp_ns[rows], evidence.ego_state[rows]
     if len(rows) < MIN_LANE_CHANGE_DURATION_S / PROJECTION_TIME_STEP_S:
         return
@@ -122,10 +122,10 @@ def _split_into_lobes(turned_rad: FloatArray) -> list[tuple[int, int, float]]:
     sign = np.sign(turned_rad)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1, [len(sign)]])
     lobes: list[tuple[int, int, float]] = []
-    for first, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        change_rad = float(turned_rad[first:stop].sum())
-        if abs(change_rad) < MIN_HEADING_CHANGE_ABOVE_NOISE_RAD:
-            continue
+    changes_rad = np.add.reduceat(turned_rad, edges[:-1])
+    large = ~(np.abs(changes_rad) < MIN_HEADING_CHANGE_ABOVE_NOISE_RAD)
+    spans = zip(edges[:-1][large].tolist(), edges[1:][large].tolist(), changes_rad[large].tolist(), strict=True)
+    for first, stop, change_rad in spans:
         if lobes and lobes[-1][2] * change_rad > 0.0 and first - lobes[-1][1] < 1.0 / PROJECTION_TIME_STEP_S:
             lobes[-1] = lobes[-1][0], stop - 1, lobes[-1][2] + change_rad
         else:

@@ -28,12 +28,12 @@ DISTANCE_THRESHOLD_OF_WARNING_SEVERITY_TEXT = (
 
 def find_warnings(evidence: EventEvidence, verdict: str | None = None) -> Iterator[Moment]:
     """Yield the warnings with a verdict; None: all."""
-    outcomes = evidence.outcomes
-    if verdict is not None and outcomes is None:
+    if verdict is not None and evidence.outcomes is None:
         raise MissingSignalError(
             "verdicts on warnings need the states of both", where=evidence.log.name, hint="run `cwcli run` on it first"
         )
     for warning in evidence.warnings:
+        outcomes = evidence.outcomes  # a log without warnings needs none
         kind, lead_s, closest_m = VERDICT_OF_WARNING_WITHOUT_TRACK, np.nan, np.nan
         if outcomes is not None and warning.other_id in outcomes.pairs:
             conflicts, pair = outcomes.conflicts[warning.other_id], outcomes.pairs[warning.other_id]

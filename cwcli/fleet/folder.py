@@ -17,6 +17,7 @@ import shutil
 import stat
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,9 @@ HEADLINE_METRIC_REFERENCES_KEY = "scores"
 """Key of a log's entry with what its headline metrics were held against, and notes on them."""
 LOGS_FOLDER, SCRATCH_FOLDER = "logs", ".scratch"
 """Names of the subfolders of the output folder."""
+
+LINES_WRITTEN_AT_ONCE = 100
+"""Number of lines of JSON that are written at a time. Chosen by hand: each has some kB at most."""
 
 Document = dict[str, Any]
 
@@ -220,15 +224,10 @@ def read_output_folder(out: Path, url: str = "") -> RecordedRun | None:
         # the manifest of a run that was killed knows of no log that has ended
         own = folder.read_entry() if folder is not None and entry.get("status") not in ENDED_LOG_STATUSES else None
         logs.append(RecordedLog(name, folder, own or entry, url))
-    return RecordedRun(out, tuple(logs), _gates_of_manifest(manifest), url)
+    return RecordedRun(out, tuple(logs), gates_of_manifest(manifest), url)
 
 
-def read_gates_of_earlier_run(out: Path) -> tuple[str, ...]:
-    """Read the gates that an earlier run has stored in its folder; () without one."""
-    return _gates_of_manifest(read_json_object(out / MANIFEST_NAME) or {})
-
-
-def _gates_of_manifest(manifest: Document) -> tuple[str, ...]:
+def gates_of_manifest(manifest: Document) -> tuple[str, ...]:
     """Return the gates in a manifest; () where it holds none, for it may come from elsewhere."""
     pipeline = manifest.get("pipeline")
     gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
@@ -315,8 +314,9 @@ def write_json_object(document: Mapping[str, Any], path: Path, *, durable: bool 
         before = "{\n "
         for key, value in document.items():
             output.write(f"{before}{_to_json(key)}: ".encode())
-            for piece in _iter_json_lines(value):
-                output.write(piece.encode())
+            lines = _iter_json_lines(value)
+            while some := [*islice(lines, LINES_WRITTEN_AT_ONCE)]:
+                output.write("".join(some).encode())
             before = ",\n "
         output.write(b"\n}\n")
 
@@ -346,12 +346,16 @@ def _iter_json_lines(value: Any) -> Iterator[str]:
         yield _to_json(value)
 
 
+_encode_as_json = json.JSONEncoder(allow_nan=False).encode  # `json.dumps` makes an encoder at each call
+
+
 def _to_json(value: Any) -> str:
-    return value if isinstance(value, JsonText) else json.dumps(value, allow_nan=False)
+    return value if isinstance(value, JsonText) else _encode_as_json(value)
 
 
 def iter_recorded_log_ids(out: Path) -> Iterator[str]:
     """Yield the ids of the logs that have a folder, sorted."""
     logs = out / LOGS_FOLDER
     if logs.is_dir():
-        yield from sorted(path.name for path in logs.iterdir() if path.is_dir())
+        with os.scandir(logs) as entries:
+            yield from sorted([each.name for each in entries if each.is_dir()])

@@ -20,6 +20,7 @@ from cwcli.fleet.folder import (
     Document,
     LogOutputs,
     format_mismatch_text_or_empty,
+    gates_of_manifest,
     read_json_object,
 )
 from cwcli.fleet.input_states import FileState, file_states_from_run_times, read_file_state
@@ -46,10 +47,12 @@ class IndexOfEndedLogs(NamedTuple):
     Attributes:
         manifest: The manifest; {} if there is none.
         entries: Id -> entry of each log; without those of a run that was killed, whose logs have entries of their own.
+        gates: Gates that the earlier run has stored; also for a run that begins afresh.
     """
 
     manifest: Document
     entries: dict[str, Document]
+    gates: tuple[str, ...] = ()
 
 
 def read_index_of_ended_logs(out: Path, *, force: bool) -> IndexOfEndedLogs:
@@ -68,15 +71,16 @@ def read_index_of_ended_logs(out: Path, *, force: bool) -> IndexOfEndedLogs:
             where=str(out),
             hint="name a new folder with -d",
         )
+    gates = gates_of_manifest(manifest or {})
     if manifest is None or force:
-        return IndexOfEndedLogs({}, {})
+        return IndexOfEndedLogs({}, {}, gates)
     listed = manifest.get("logs")
     entries = {
         each["id"]: each
         for each in (listed if isinstance(listed, list) else [])
         if isinstance(each, dict) and isinstance(each.get("id"), str) and each.get("status") in ENDED_LOG_STATUSES
     }
-    return IndexOfEndedLogs(manifest, entries)
+    return IndexOfEndedLogs(manifest, entries, gates)
 
 
 def split_in_unchanged_and_to_read(

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cwcli.errors import OutputError, UsageError
+from cwcli.input import RealPaths
 from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.recording import METADATA_FILE_NAME, is_recording_folder, log_names_in_folder
 from cwcli.logs.read.remote import (
@@ -40,8 +41,12 @@ def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> lis
     """
     result_folders = [os.path.realpath(folder) + os.sep for folder in results]
     found: dict[str, tuple[str, str]] = {}
+    real_paths = RealPaths()
     for argument in arguments:
-        named = {source: _absolute_path(source) for source in _expand_argument(argument)}
+        named = {
+            source: source if is_remote_url(source) else real_paths.resolve(source.removeprefix(FILE_SCHEME))
+            for source in _expand_argument(argument)
+        }
         outside = {source: path for source, path in named.items() if not path.startswith(tuple(result_folders))}
         if not outside:
             raise UsageError("the log is in the output folder", where=argument, hint="name another folder with -d")
@@ -49,10 +54,6 @@ def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> lis
             name = display_name_of_url(source) if is_remote_url(source) else source
             found.setdefault(name if is_remote_url(source) else path, (name, path))
     return list(found.values())
-
-
-def _absolute_path(source: str) -> str:
-    return source if is_remote_url(source) else os.path.realpath(source.removeprefix(FILE_SCHEME))
 
 
 def _expand_argument(argument: str) -> list[str]:
@@ -83,12 +84,10 @@ def _logs_in_folder(argument: str, folder: Path) -> list[str]:
     """List the logs of a folder: itself if it is one log, else the log files and log folders directly in it."""
     if is_recording_folder(folder):
         return [argument]
-    names = sorted(
-        [
-            *log_names_in_folder(folder),
-            *(each.name for each in folder.iterdir() if each.is_dir() and is_recording_folder(each)),
-        ]
-    )
+    names = log_names_in_folder(folder)
+    with os.scandir(folder) as entries:
+        names += [each.name for each in entries if each.is_dir() and is_recording_folder(folder / each.name)]
+    names.sort()
     if names:
         return [f"{argument.rstrip('/')}/{name}" for name in names]
     deeper = f"{argument.rstrip('/')}/*/*.mcap"

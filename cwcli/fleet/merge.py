@@ -315,8 +315,11 @@ def _merge_log_and_tell_if_new(source: LogOutputs, target: LogOutputs, entry: Do
         target.remove_all_outputs()
         what = f"files of the log {source.id} changed while they were merged"
         raise InputError(what, where=str(source.out), hint=RUN_AGAIN_HINT)
-    make_folder(target.annotated_log_path.parent, parents=True)
-    write_json_object(entry, target.entry_path)
+    if source.read_entry() == entry:
+        _link_or_copy(source.entry_path, target.entry_path)
+    else:
+        make_folder(target.annotated_log_path.parent, parents=True)
+        write_json_object(entry, target.entry_path)
     return True
 
 

@@ -83,9 +83,10 @@ def unique_log_ids(sources: Sequence[str]) -> list[str]:
     depth = [1] * len(sources)
     while True:
         names = ["_".join(path[-n:]) for path, n in zip(parts, depth, strict=True)]
+        safe_names = [*map(safe_file_name, names)]
         seen: dict[str, list[int]] = {}
-        for i, name in enumerate(names):
-            seen.setdefault(safe_file_name(name).casefold(), []).append(i)
+        for i, name in enumerate(safe_names):
+            seen.setdefault(name.casefold(), []).append(i)
         twins = [i for same in seen.values() if len(same) > 1 for i in same]
         longer = [i for i in twins if depth[i] < len(parts[i])]
         if not longer:
@@ -94,8 +95,7 @@ def unique_log_ids(sources: Sequence[str]) -> list[str]:
             depth[i] += 1
     unresolved = set(twins)
     return [
-        safe_file_name(f"{name} {source}" if i in unresolved else name)
-        for i, (name, source) in enumerate(zip(names, sources, strict=True))
+        safe_file_name(f"{names[i]} {source}") if i in unresolved else safe_names[i] for i, source in enumerate(sources)
     ]
 
 

@@ -76,11 +76,13 @@ class FleetResult:
     Attributes:
         manifest: Content of `manifest.json`.
         statuses: Log id -> `done`, `failed` or `unchanged`.
+        earlier_gates: Gates that the earlier run into the folder had stored.
     """
 
     out: Path
     manifest: Document
     statuses: dict[str, str]
+    earlier_gates: tuple[str, ...]
 
     @property
     def exit_code(self) -> int:
@@ -172,7 +174,7 @@ def _run_into_folder(
             for task, _ in current:
                 statuses[task.id] = "unchanged"
                 report(task, "unchanged", len(statuses), len(tasks))
-            return FleetResult(folder, index.manifest, statuses)
+            return FleetResult(folder, index.manifest, statuses, index.gates)
         report(None, "found", 0, len(tasks))
         tables = index.manifest.get(TABLES_KEY, [])
         write_json_object(_make_manifest(plan, tasks, {}, tables), folder / MANIFEST_NAME)
@@ -203,7 +205,7 @@ def _run_into_folder(
         _remove_staged_tables(folder, entries)
         took = {"began": began, "wall_s": round(time.monotonic() - begin, 3), "logs": dict(sorted(times.items()))}
         write_json_object({**took, INPUT_STATES_KEY: file_states_to_document(states)}, folder / RUN_TIMES_NAME)
-    return FleetResult(folder, manifest, statuses)
+    return FleetResult(folder, manifest, statuses, index.gates)
 
 
 def _absolute_output_folder(out: str | Path) -> Path:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -53,14 +53,24 @@ ROWS_PER_ROW_GROUP, ROWS_PER_ROW_GROUP_WITH_LISTS = 65_536, 4_096
 """Rows of a row group, and of one with lists, which are larger. Chosen by hand: a few MB are held for each table."""
 ROWS_PER_READ, BYTES_PER_READ_OF_EACH_COLUMN = 1_024, 16_384
 """Rows read at a time of each table of each shard, and bytes of each column. Chosen by hand: 8 shards hold some MB."""
-LOGS_PER_JOINED_BLOCK = 256
-"""Rows of so many logs are joined to one block: each log's piece takes some kB of memory, however few its rows. Chosen
-by hand."""
+PIECES_PER_JOINED_BLOCK = 256
+"""Number of pieces of rows that are joined to one block: each piece takes some kB of memory, however few its rows.
+Chosen by hand."""
 MAX_OPEN_TABLE_FILES = 400
 """Number of files that are open at a time; chosen: below the 1,024 that most systems allow."""
 
-RowsOfLog = Callable[[str], Iterator[tuple[str, "pa.Table"]]]
-"""The type of a function from a log's id to its tables by name."""
+
+class RowsPiece(NamedTuple):
+    """Rows of one log: `n` rows from row `first` of a table, whose other rows may be those of other logs."""
+
+    id: str
+    table: pa.Table
+    first: int
+    n: int
+
+
+RowsOfLog = Callable[[str], Iterator[tuple[str, RowsPiece]]]
+"""The type of a function from a log's id to pieces of its tables by name."""
 
 
 class RowSource(Protocol):
@@ -93,8 +103,10 @@ class StagedRows:
     def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
         """Return a function that yields the tables of a log."""
 
-        def tables_of_log(id: str) -> Iterator[tuple[str, pa.Table]]:
-            return iter_staged_tables(self.staged_path_of_log(id), [t for t in self._index[id] if t.name in names])
+        def tables_of_log(id: str) -> Iterator[tuple[str, RowsPiece]]:
+            own = [each for each in self._index[id] if each.name in names]
+            for name, table in iter_staged_tables(self.staged_path_of_log(id), own):
+                yield name, RowsPiece(id, table, 0, len(table))
 
         return tables_of_log
 
@@ -132,11 +144,10 @@ class MergedRows:
             if name in names
         }
 
-        def rows_of_log(id: str) -> Iterator[tuple[str, pa.Table]]:
+        def rows_of_log(id: str) -> Iterator[tuple[str, RowsPiece]]:
             for name, reader in readers.items():
-                found = reader.take_rows_of_log(id)
-                if found is not None:
-                    yield name, found
+                for piece in reader.iter_rows_of_log(id):
+                    yield name, piece
 
         return rows_of_log
 
@@ -145,24 +156,19 @@ class _RowsInOrder:
     """Reads one table from its begin to its end, log by log."""
 
     def __init__(self, path: Path) -> None:
-        self._pieces = _iter_rows_by_log(path)
+        self._pieces = _iter_pieces_by_log(path)
         self._next = next(self._pieces, None)
 
-    def take_rows_of_log(self, id: str) -> pa.Table | None:
-        """Return the rows of a log; None if there are none. Each id must be greater than the one before."""
-        import pyarrow as pa
-
-        while self._next is not None and self._next[0] < id:
+    def iter_rows_of_log(self, id: str) -> Iterator[RowsPiece]:
+        """Yield the rows of a log in pieces. Each id must be greater than the one before."""
+        while self._next is not None and self._next.id <= id:
+            if self._next.id == id:
+                yield self._next
             self._next = next(self._pieces, None)
-        found = []
-        while self._next is not None and self._next[0] == id:
-            found.append(self._next[1])
-            self._next = next(self._pieces, None)
-        return pa.Table.from_batches(found) if found else None
 
 
-def _iter_rows_by_log(path: Path) -> Iterator[tuple[str, pa.RecordBatch]]:
-    """Yield the id of a log and rows of it; one log's rows may come in several pieces."""
+def _iter_pieces_by_log(path: Path) -> Iterator[RowsPiece]:
+    """Yield the rows of each log of a table; those of one log may come in several pieces."""
     import pyarrow as pa
     import pyarrow.compute as pc
     from pyarrow import parquet
@@ -170,11 +176,12 @@ def _iter_rows_by_log(path: Path) -> Iterator[tuple[str, pa.RecordBatch]]:
     try:
         with parquet.ParquetFile(path, buffer_size=BYTES_PER_READ_OF_EACH_COLUMN) as file:
             for batch in file.iter_batches(ROWS_PER_READ, use_threads=False):
+                table = pa.Table.from_batches([batch])
                 runs = pc.run_end_encode(batch.column(LOG_COLUMN))
-                start = 0
+                first = 0
                 for id, end in zip(runs.values.to_pylist(), runs.run_ends.to_pylist(), strict=True):
-                    yield id, batch.slice(start, end - start)
-                    start = end
+                    yield RowsPiece(id, table, first, end - first)
+                    first = end
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
         raise InputError(f"the table can't be read: {error}", where=str(path)) from error
 
@@ -214,8 +221,8 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
             }
             rows_of_log = {id(source): source.open_tables_of_logs(some) for source in sources}
             for each in ids:
-                for name, rows in rows_of_log[id(source_of_log[each])](each):
-                    writers[name].append_rows_of_log(each, rows)
+                for name, piece in rows_of_log[id(source_of_log[each])](each):
+                    writers[name].append_piece(piece)
             for writer in writers.values():
                 writer.close()
     for name in iter_table_names(out):
@@ -253,24 +260,48 @@ class _TableWriter:
         sink = stack.enter_context(pa.PythonFile(ArrowSink(output), "w"))
         self._writer = stack.enter_context(parquet.ParquetWriter(sink, self._schema, compression="zstd"))
         self._pending: list[pa.Table] = []  # blocks in order
-        self._pieces: list[pa.Table] = []  # of single logs, after the blocks
+        self._pieces: list[RowsPiece] = []  # after the blocks
         self._n_pending = 0
 
-    def append_rows_of_log(self, id: str, rows: pa.Table) -> None:
-        """Add the rows of one log."""
-        import pyarrow as pa
-
-        n = len(rows)
-        version = _array_of_numbers(np.full(n, TABLES_SCHEMA_VERSION, np.int32))
-        columns = columns_in_types_of_schema(decode_dictionaries(rows), self._own)
-        columns = [_repeat_text(id, n), *columns, _repeat_text(self._run_id, n), version]
-        self._pieces.append(pa.Table.from_arrays(columns, schema=self._schema))
-        self._n_pending += n
-        if len(self._pieces) >= LOGS_PER_JOINED_BLOCK:
-            self._pending.append(pa.concat_tables(self._pieces).combine_chunks())
-            self._pieces = []
+    def append_piece(self, piece: RowsPiece) -> None:
+        """Add rows of one log."""
+        self._pieces.append(piece)
+        self._n_pending += piece.n
+        if len(self._pieces) >= PIECES_PER_JOINED_BLOCK:
+            self._join_pieces()
         if self._n_pending >= self._n_rows:
             self._write_pending(all_rows=False)
+
+    def _join_pieces(self) -> None:
+        """Make one block of the pieces; tables of one schema are converted together, as each call takes its time."""
+        import pyarrow as pa
+
+        tables_by_schema: list[list[pa.Table]] = []
+        for table in {id(each.table): each.table for each in self._pieces}.values():
+            same = next((known for known in tables_by_schema if known[0].schema.equals(table.schema)), None)
+            if same is None:
+                tables_by_schema.append([table])
+            else:
+                same.append(table)
+        first_row: dict[int, int] = {}
+        converted, n_rows = [], 0
+        for tables in tables_by_schema:
+            for table in tables:
+                first_row[id(table)] = n_rows
+                n_rows += len(table)
+            columns = columns_in_types_of_schema(decode_dictionaries(pa.concat_tables(tables)), self._own)
+            converted.append(pa.Table.from_arrays(columns, schema=self._own))
+        rows = [np.arange(each.first, each.first + each.n) + first_row[id(each.table)] for each in self._pieces]
+        block = pa.concat_tables(converted).combine_chunks()
+        order = np.concatenate(rows).astype(np.int64)
+        if not np.array_equal(order, np.arange(n_rows)):
+            block = block.take(_array_of_numbers(order))
+        n = len(order)
+        version = _array_of_numbers(np.full(n, TABLES_SCHEMA_VERSION, np.int32))
+        common = _repeat_texts([self._run_id], [n]), version
+        ids = _repeat_texts([each.id for each in self._pieces], [each.n for each in self._pieces])
+        self._pending.append(pa.Table.from_arrays([ids, *block.columns, *common], schema=self._schema))
+        self._pieces = []
 
     def close(self) -> None:
         """Write the rest; a table without rows has its columns all the same."""
@@ -282,8 +313,10 @@ class _TableWriter:
         # how rows are cut into arrays shows in the file: they are made one array first
         if not self._n_pending:
             return
-        rows = pa.concat_tables([*self._pending, *self._pieces]).combine_chunks()
-        self._pending, self._pieces = [], []
+        if self._pieces:
+            self._join_pieces()
+        rows = pa.concat_tables(self._pending).combine_chunks()
+        self._pending = []
         n_whole = len(rows) if all_rows else len(rows) // self._n_rows * self._n_rows
         for start in range(0, n_whole, self._n_rows):
             group = rows.slice(start, min(self._n_rows, n_whole - start))
@@ -295,13 +328,15 @@ class _TableWriter:
         pa.default_memory_pool().release_unused()  # else it keeps some hundred MB for later
 
 
-def _repeat_text(text: str, n: int) -> pa.StringArray:
-    """Return a text n times; Arrow's own functions import pandas where it is installed, which takes 50 MB."""
+def _repeat_texts(texts: Sequence[str], counts: Sequence[int]) -> pa.StringArray:
+    """Return each text so many times; Arrow's own functions import pandas where it is installed, which takes 50 MB."""
     import pyarrow as pa
 
-    data = text.encode()
-    ends = np.arange(n + 1, dtype=np.int32) * len(data)
-    return pa.StringArray.from_buffers(n, pa.py_buffer(ends), pa.py_buffer(data * n))
+    encoded = [text.encode() for text in texts]
+    lengths = np.repeat(np.array([len(each) for each in encoded], np.int32), counts)
+    ends = np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)]).astype(np.int32)
+    data = b"".join(each * n for each, n in zip(encoded, counts, strict=True))
+    return pa.StringArray.from_buffers(len(lengths), pa.py_buffer(ends), pa.py_buffer(data))
 
 
 def _array_of_numbers(values: npt.NDArray[np.int32] | npt.NDArray[np.int64]) -> pa.Array:

@@ -14,7 +14,7 @@ from cwcli.channels.warning import read_warnings
 from cwcli.digest.digest import confidence_sentences
 from cwcli.digest.drive import read_drive, require_results
 from cwcli.digest.encounters import find_encounters
-from cwcli.digest.lines import NO_DOUBT_TEXT
+from cwcli.digest.lines import CUT_SENTENCE_MARK, NO_DOUBT_TEXT
 from cwcli.digest.story import Badge, Story, build_story
 from cwcli.errors import CwcliError
 from cwcli.evaluation.doubts import find_doubts_in_evidence
@@ -29,6 +29,7 @@ from cwcli.pipeline.records import read_run_records
 from cwcli.report.gates import build_gate_views, gate_badge_of_run, gate_badges_of_log
 from cwcli.report.overview import (
     MAX_PAGE_BYTES,
+    MISSED_WARNINGS_METRIC,
     OVERVIEW_METRICS_AND_HEADINGS,
     LogCandidate,
     Report,
@@ -260,7 +261,7 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult],
     track = ""
     if not is_opened and entry.line is not None:
         n_warnings = entry.line.n_warnings
-        story = (story or entry.line.text)[:MAX_LOG_DESCRIPTION_CHARACTERS_OF_LARGE_RUN]
+        story = _cut_after_whole_word(story or entry.line.text, MAX_LOG_DESCRIPTION_CHARACTERS_OF_LARGE_RUN)
         n_doubts = len(entry.line.doubts)
         badges += [Badge(format_count(n_doubts, "doubt"), "plain")] if n_doubts else []
     elif entry.log is not None:
@@ -274,8 +275,16 @@ def _read_log_and_rank_candidate(entry: LogEntry, results: Sequence[GateResult],
             badges.append(Badge("the annotated log can't be read", "bad"))
     if n_warnings or n_doubts:
         rank = min(rank, 2)
-    shown = story[:MAX_LOG_DESCRIPTION_CHARACTERS]
+    shown = _cut_after_whole_word(story, MAX_LOG_DESCRIPTION_CHARACTERS)
     return LogCandidate(entry, badges, rank, n_warnings, shown, track=track, sources=tuple(sources), n_doubts=n_doubts)
+
+
+def _cut_after_whole_word(text: str, max_characters: int) -> str:
+    """Return the beginning of a text, with a mark where the rest is left out."""
+    if len(text) <= max_characters:
+        return text
+    beginning = text[: max_characters - len(CUT_SENTENCE_MARK) + 1]
+    return f"{beginning.rpartition(' ')[0] or beginning[:-1]}{CUT_SENTENCE_MARK}"
 
 
 def _count_raised_warnings(log: Log) -> int:
@@ -287,8 +296,10 @@ def _count_raised_warnings(log: Log) -> int:
 
 
 def _candidate_sort_key(candidate: LogCandidate) -> tuple[Any, ...]:
-    """Sort key: failed logs come first, then those with doubts and warnings, then the rest."""
-    return candidate.rank, -candidate.n_doubts, candidate.n_warnings == 0, candidate.entry.id
+    """Sort key: failed logs come first, then those of most doubts, of most missed warnings, of most warnings."""
+    missed = candidate.entry.metrics.get(MISSED_WARNINGS_METRIC)
+    n_missed = missed.value if missed is not None and missed.value > 0 else 0.0
+    return candidate.rank, -candidate.n_doubts, -n_missed, -candidate.n_warnings, candidate.entry.id
 
 
 def _render_section_and_complete_candidate(
@@ -313,7 +324,9 @@ def _render_section_and_complete_candidate(
             for detail in details:
                 options = SectionOptions(anchor, candidate.badges, detail, is_alone=False, is_open=is_open)
                 view = _read_and_build_log_view(log, candidate.entry, options, system)
-                candidate.story = candidate.story or view.story.headline[:MAX_LOG_DESCRIPTION_CHARACTERS]
+                candidate.story = candidate.story or _cut_after_whole_word(
+                    view.story.headline, MAX_LOG_DESCRIPTION_CHARACTERS
+                )
                 section = renderer.render_log_section(view)
                 if len(section.encode()) <= budget:
                     candidate.badges += view.story.badges

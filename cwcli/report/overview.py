@@ -28,13 +28,16 @@ MIN_LISTED_FAILURE_REASONS, MAX_LISTED_FAILURE_REASONS = 2, 8
 MAX_ROWS_WITH_COLUMN_NAMES_IN_CELLS = 200
 """Greatest number of rows whose cells carry the names of their columns, for narrow screens. Chosen by hand: they take a
 third of the table."""
-DOUBTS_METRIC = "doubts.count"
-"""Metric that counts the doubts about a log."""
+MAX_ROWS_SHOWN_AT_ONCE = 300
+"""Greatest number of rows that the browser lays out before it is asked for more. Chosen by hand: ten thousand take
+seconds."""
+DOUBTS_METRIC, MISSED_WARNINGS_METRIC = "doubts.count", "warnings.missed_count"
+"""Metrics that count the doubts about a log, and the conflicts without a warning."""
 OVERVIEW_METRICS_AND_HEADINGS = (
     (DOUBTS_METRIC, "doubts"),
     ("data.duration_s", "duration [s]"),
     ("warnings.count", "warnings"),
-    ("warnings.missed_count", "missed"),
+    (MISSED_WARNINGS_METRIC, "missed"),
     ("ego.position_rmse_m", "position RMSE [m]"),
     ("ego.position_nees", "NEES of position (2: right)"),
     ("ego.gated_share", "gated [share]"),
@@ -132,6 +135,7 @@ def assemble_run_report(
         sources=sources,
         n_sources=n_sources,
         has_plain_cells=len(candidates) > MAX_ROWS_WITH_COLUMN_NAMES_IN_CELLS,
+        n_shown_rows=MAX_ROWS_SHOWN_AT_ONCE,
         footer=footer_sentences(renderer.tiles),
     )
     html = renderer.render_page(page, sections).encode()

@@ -58,7 +58,10 @@ class GateView:
 
 @dataclass(frozen=True)
 class PageContent:
-    """The content of the page around the sections of the logs; plain cells do not name their columns."""
+    """The content of the page around the sections of the logs.
+
+    Plain cells do not name their columns. Rows beyond `n_shown_rows` are shown when they are asked for or found.
+    """
 
     title: str
     headline: str
@@ -72,6 +75,7 @@ class PageContent:
     sources: tuple[PooledSource, ...] = ()
     n_sources: int = 0
     has_plain_cells: bool = False
+    n_shown_rows: int = 0
 
 
 class PageRenderer:

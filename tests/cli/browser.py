@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
+import time
 from dataclasses import dataclass
+from fcntl import F_DUPFD_CLOEXEC, fcntl
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -72,6 +76,74 @@ def visit(page: Path, folder: Path, *, size: str = "1366,768", screenshot: Path 
     talk = done.stderr.decode("utf-8", "replace")
     assert done.returncode == 0, talk[-2000:]
     return Visit(done.stdout.decode("utf-8", "replace"), tuple(CONSOLE.findall(talk)), _requested(net_log))
+
+
+@dataclass(frozen=True)
+class Opening:
+    """Seconds from the navigation to a page's first paint, to its load event, and until its scripts rest."""
+
+    paint_s: float
+    load_s: float
+    rest_s: float
+
+
+def time_opening(page: Path, folder: Path) -> Opening:
+    """Open a page in a window and tell how long it took, by the browser's own clock.
+
+    The browser is spoken to through pipes (`--remote-debugging-pipe`): messages of JSON with a zero byte at the end.
+    """
+    to_browser, from_browser = os.pipe(), os.pipe()
+    theirs = [fcntl(each, F_DUPFD_CLOEXEC, 10) for each in (to_browser[0], from_browser[1])]
+    os.close(to_browser[0])
+    os.close(from_browser[1])
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--window-size=1366,768"]
+    command = [browser(), *options, f"--user-data-dir={folder / 'profile'}", "--remote-debugging-pipe", "about:blank"]
+    places = [
+        *((os.POSIX_SPAWN_OPEN, stream, os.devnull, os.O_WRONLY, 0) for stream in (1, 2)),
+        *((os.POSIX_SPAWN_DUP2, each, place) for each, place in zip(theirs, (3, 4), strict=True)),
+    ]
+    process = os.posix_spawn(command[0], command, os.environ, file_actions=places)
+    for each in theirs:
+        os.close(each)
+    with os.fdopen(to_browser[1], "wb", buffering=0) as ask, os.fdopen(from_browser[0], "rb") as answers:
+        n_calls = 0
+
+        def call(method: str, session: str = "", **values: Any) -> dict[str, Any]:
+            nonlocal n_calls
+            n_calls += 1
+            message = {"id": n_calls, "method": method, "params": values} | ({"sessionId": session} if session else {})
+            ask.write(json.dumps(message).encode() + b"\0")
+            while True:
+                text = b"".join(iter(lambda: answers.read(1), b"\0"))
+                answer: dict[str, Any] = json.loads(text)
+                if answer.get("id") == n_calls:
+                    assert "result" in answer, answer
+                    return dict(answer["result"])
+
+        pages = [each for each in call("Target.getTargets")["targetInfos"] if each["type"] == "page"]
+        session = call("Target.attachToTarget", targetId=pages[0]["targetId"], flatten=True)["sessionId"]
+        call("Page.navigate", session, url=page.resolve().as_uri())
+        begin = time.monotonic()
+        while time.monotonic() - begin < TIMEOUT_S:
+            found = call("Runtime.evaluate", session, expression=OPENING, awaitPromise=True, returnByValue=True)
+            if value := found["result"].get("value"):
+                break
+            time.sleep(0.05)
+        call("Browser.close")
+    os.waitpid(process, 0)
+    paint_ms, load_ms, rest_ms = value
+    return Opening(paint_ms / 1e3, load_ms / 1e3, rest_ms / 1e3)
+
+
+OPENING = """
+location.protocol !== "file:" || document.readyState !== "complete" ? null : new Promise(resolve =>
+  requestIdleCallback(() => {
+    const paint = performance.getEntriesByName("first-contentful-paint")[0];
+    const load = performance.getEntriesByType("navigation")[0].loadEventEnd;
+    resolve(paint && load ? [paint.startTime, load, performance.now()] : null);
+  }))
+"""
+"""Tells the times of an opened page [ms since the navigation], null before it is open."""
 
 
 def _requested(net_log: Path) -> tuple[str, ...]:

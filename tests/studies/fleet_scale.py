@@ -3,9 +3,9 @@
     python -m tests.studies.fleet_scale --logs 10000 --shards 8
 
 Runs one log of five seconds, makes of its results a run over so many logs whose results are equal but for their names,
-and prints processor and elapsed seconds of `cwcli run` again and of `cwcli report`, and the size of the page. With
-`--shards`, it shares the same results out among folders of shards, merges these, and compares the files with those of
-the whole run, merged alone.
+and prints processor and elapsed seconds of `cwcli run` again and of `cwcli report`, the size of the page, and how long
+Chromium takes to open it. With `--shards`, it shares the same results out among folders of shards, merges these, and
+compares the files with those of the whole run, merged alone.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cwcli.fleet.folder import ANNOTATED_LOG_NAME, SHARD_KEY, write_json_object
+from cwcli.fleet.folder import ANNOTATED_LOG_NAME, LOG_ENTRY_FILE_NAME, SHARD_KEY, write_json_object
 from cwcli.fleet.input_states import INPUT_STATES_KEY, FileState, file_states_to_document, read_file_state
 from cwcli.fleet.shard import Shard
+from tests.cli.browser import time_opening
 from tests.cli.fleet_logs import cut
 
 ROOT = Path(__file__).parents[2]
+MAX_RERUN_S, MAX_QUERY_S, MAX_MERGE_S, MAX_MERGE_MB, MAX_PAGE_MB, MAX_OPENING_S = 3.0, 1.0, 60.0, 300.0, 5.0, 2.0
 QUERY = "select metric, avg(value) from '{}/metrics.parquet' where metric like 'ego.%' group by metric"
 
 
@@ -64,6 +66,8 @@ def multiply_run(base: Path, out: Path, states: dict[str, FileState], shard: Sha
         {**entry, "id": id, "source": f"logs/{id}.mcap", "outputs": [f"logs/{id}/{ANNOTATED_LOG_NAME}"]}
         for id in states
     ]
+    for each in manifest["logs"]:
+        write_json_object(each, out / "logs" / each["id"] / LOG_ENTRY_FILE_NAME)
     if shard is not None:
         manifest[SHARD_KEY] = {"index": shard.index, "count": shard.count}
     for name in manifest["tables"]:
@@ -76,23 +80,24 @@ def multiply_run(base: Path, out: Path, states: dict[str, FileState], shard: Sha
     write_json_object({"logs": times, INPUT_STATES_KEY: file_states_to_document(states)}, out / "run_times.json")
 
 
-def measure_merge(folder: Path, states: dict[str, FileState], n_shards: int) -> None:
-    """Share the results out among shards, merge these, and compare with the whole run."""
+def measure_merge(folder: Path, states: dict[str, FileState], n_shards: int) -> bool:
+    """Share the results out among shards, merge these, and compare with the whole run; return whether all is well."""
     names = []
     for k in range(1, n_shards + 1):
         shard = Shard(k, n_shards)
         names.append(f"shards/{k}")
         own = {id: states[id] for id in shard.select_shard_items(list(states))}
         multiply_run(folder / "base", folder / names[-1], own, shard)
-    measure(folder, "merge", *names, "-d", "merged")
+    cpu_s, memory_mb = measure(folder, "merge", *names, "-d", "merged")
     measure(folder, "merge", "out", "-d", "whole")
     names = sorted(path.relative_to(folder / "whole") for path in (folder / "whole").rglob("*") if path.is_file())
     equal = [filecmp.cmp(folder / "whole" / each, folder / "merged" / each, shallow=False) for each in names]
     print(f"{sum(equal)} of {len(names)} files of the merged shards equal those of the whole run, merged alone")
+    return all(equal) and cpu_s < MAX_MERGE_S and memory_mb < MAX_MERGE_MB
 
 
-def measure(folder: Path, *arguments: str) -> None:
-    """Run a command and print its processor and elapsed seconds."""
+def measure(folder: Path, *arguments: str) -> tuple[float, float]:
+    """Run a command, print its processor and elapsed seconds; return the former, and the greatest memory so far, MB."""
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     done = subprocess.run([sys.executable, "-m", "cwcli", *arguments], check=False, cwd=folder, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -100,10 +105,23 @@ def measure(folder: Path, *arguments: str) -> None:
     print(f"cwcli {' '.join(arguments)}: exit {done.returncode}, {cpu_s:.2f} s processor,", end=" ")
     print(f"{time.monotonic() - begin:.2f} s, at most {after.ru_maxrss / 1000:.0f} MB")
     print("\n".join((done.stdout + done.stderr).decode().splitlines()[-3:]))
+    return cpu_s, after.ru_maxrss / 1000
 
 
-def main() -> None:
-    """Run the study."""
+def open_page(page: Path, folder: Path) -> float:
+    """Open a page three times in a browser of its own; return the least time to the load event, s."""
+    loads_s = []
+    for k in range(3):
+        (folder / f"browser{k}").mkdir()
+        times = time_opening(page, folder / f"browser{k}")
+        print(f"opened: painted after {times.paint_s:.2f} s, loaded after {times.load_s:.2f} s,", end=" ")
+        print(f"scripts at rest after {times.rest_s:.2f} s")
+        loads_s.append(times.load_s)
+    return min(loads_s)
+
+
+def main() -> int:
+    """Run the study; returns 1 where a bound is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--logs", type=int, default=10_000)
     parser.add_argument("--shards", type=int, default=0, help="merge so many shards, too")
@@ -115,19 +133,23 @@ def main() -> None:
         states = write_inputs(folder / "logs", [f"drive{k:06}" for k in range(arguments.logs)])
         multiply_run(folder / "base", folder / "out", states)
         print(f"manifest.json {(folder / 'out/manifest.json').stat().st_size / 1e6:.1f} MB")
-        for _ in range(2):
-            measure(folder, "run", "logs", "-d", "out")
+        rerun_s = min(measure(folder, "run", "logs", "-d", "out")[0] for _ in range(2))
         import duckdb
 
         begin = time.process_time()
         n = len(duckdb.sql(QUERY.format(folder / "out")).fetchall())
-        print(f"DuckDB: {n} metrics in {time.process_time() - begin:.2f} s processor")
+        query_s = time.process_time() - begin
+        print(f"DuckDB: {n} metrics in {query_s:.2f} s processor")
+        is_well = rerun_s < MAX_RERUN_S and query_s < MAX_QUERY_S
+        if arguments.shards:  # before the page, whose memory would count
+            is_well &= measure_merge(folder, states, arguments.shards)
         if not arguments.no_page:
             measure(folder, "report", "out", "-o", "page.html")
-            print(f"page {(folder / 'page.html').stat().st_size / 1e6:.2f} MB")
-        if arguments.shards:
-            measure_merge(folder, states, arguments.shards)
+            size_mb = (folder / "page.html").stat().st_size / 1e6
+            print(f"page {size_mb:.2f} MB")
+            is_well &= size_mb < MAX_PAGE_MB and open_page(folder / "page.html", folder) < MAX_OPENING_S
+    return int(not is_well)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -5,6 +5,7 @@ Format: https://github.com/ros2/rosbag2/blob/rolling/rosbag2_storage/src/rosbag2
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import field
@@ -71,7 +72,8 @@ def log_names_in_folder(folder: Path) -> list[str]:
 
 def _file_names_in_folder(folder: Path) -> list[str]:
     try:
-        return [each.name for each in folder.iterdir() if each.is_file()]
+        with os.scandir(folder) as entries:  # a `Path` of each takes several times as long
+            return [each.name for each in entries if each.is_file()]
     except OSError as error:
         raise InputError(f"the folder can't be listed: {error.strerror}", where=str(folder)) from error
 

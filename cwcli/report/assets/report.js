@@ -291,6 +291,7 @@
 
   const arrange = (table) => {
     const [head, ...rows] = table.rows;
+    let limit = table.tBodies[0].rows.length - 1; // laying out thousands of rows takes seconds
     [...head.cells].forEach((cell, column) => {
       const button = document.createElement("button");
       button.textContent = cell.textContent;
@@ -300,6 +301,7 @@
         for (const each of head.cells) { each.removeAttribute("aria-sort"); }
         cell.setAttribute("aria-sort", isUp ? "ascending" : "descending");
         head.parentNode.append(...sorted([...table.rows].slice(1), column, isUp));
+        show();
       });
     });
     const bar = document.createElement("div"), told = document.createElement("output");
@@ -328,22 +330,30 @@
     options(column, [["", "any value"], ...numeric]);
     const least = field("input", "least value", { type: "number", step: "any", placeholder: "from", className: "least" });
     const most = field("input", "largest value", { type: "number", step: "any", placeholder: "to", className: "most" });
-    bar.append(told);
+    const all = field("button", "show all rows", { type: "button" });
+    all.addEventListener("click", () => { limit = rows.length; show(); });
+    bar.append(told, all);
     const isWithin = (row) => {
       if (!column.value || (least.value === "" && most.value === "")) { return true; }
       const text = row.cells[column.value].textContent.trim(), value = text === "-" ? NaN : Number(text);
       return !(least.value !== "" && !(value >= Number(least.value))) && !(most.value !== "" && !(value <= Number(most.value)));
     };
-    const filter = () => {
+    const show = () => {
       const words = find.value.toLowerCase().split(/\s+/).filter(Boolean);
-      for (const row of rows) {
+      let n = 0;
+      for (const row of [...table.rows].slice(1)) {
         row.hidden = !(words.every((word) => row.textContent.toLowerCase().includes(word)) &&
           (!verdict.value || verdicts(row).includes(verdict.value)) && isWithin(row));
+        n += !row.hidden;
+        row.classList.toggle("beyond", n > limit);
       }
-      const n = rows.filter((row) => !row.hidden).length;
-      told.textContent = n < rows.length ? `${n} of ${rows.length} logs` : "";
+      for (const body of table.tBodies) { body.classList.remove("beyond"); }
+      told.textContent = n > limit ? `the first ${limit} of ${n} logs` : n < rows.length ? `${n} of ${rows.length} logs` : "";
+      all.textContent = `show all ${n}`;
+      all.hidden = n <= limit;
     };
-    bar.addEventListener("input", filter);
+    bar.addEventListener("input", show);
+    show();
     table.parentNode.before(bar);
   };
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterator
 from pathlib import Path
+from typing import NoReturn
 
 import fsspec
 import pytest
@@ -82,10 +83,10 @@ def test_a_folder_without_logs_is_refused(logs: Path, folder: str, hint: str) ->
 
 
 def test_a_folder_that_can_not_be_listed(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(path: Path) -> Iterator[Path]:
+    def refuse(path: Path) -> NoReturn:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "iterdir", refuse)
+    monkeypatch.setattr(os, "scandir", refuse)
     with pytest.raises(InputError, match="can't be listed: Permission denied"):
         sources("logs")
 

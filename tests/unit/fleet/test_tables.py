@@ -83,7 +83,7 @@ def test_shards_merged_equal_one_run(
     names = write_tables(whole, dict.fromkeys(logs, rows), RUN_ID)
     assert names == sorted({name for own in logs.values() for name, _ in own})
     monkeypatch.setattr(tables, "ROWS_PER_READ", 5)  # how rows are read and joined on the way does not show
-    monkeypatch.setattr(tables, "LOGS_PER_JOINED_BLOCK", 2)
+    monkeypatch.setattr(tables, "PIECES_PER_JOINED_BLOCK", 2)
     shard_of = {id: int(rng.integers(3)) for id in logs}
     merged: dict[str, MergedRows] = {}
     for k in range(3):
@@ -99,17 +99,17 @@ def test_shards_merged_equal_one_run(
 
 def test_memory_does_not_hold_a_piece_of_every_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A piece takes some kB however few its rows, so pieces are joined: of 60 logs at most 4 pieces and 15 blocks."""
-    monkeypatch.setattr(tables, "LOGS_PER_JOINED_BLOCK", 4)
+    monkeypatch.setattr(tables, "PIECES_PER_JOINED_BLOCK", 4)
     logs: Logs = {f"log{k:02}": [("metrics", table(at_s=np.array([float(k)])))] for k in range(60)}
     stage(tmp_path, logs)
     held: list[int] = []
-    add = tables._TableWriter.append_rows_of_log
+    add = tables._TableWriter.append_piece
 
-    def add_and_count(self: tables._TableWriter, id: str, rows: pa.Table) -> None:
-        add(self, id, rows)
+    def add_and_count(self: tables._TableWriter, piece: tables.RowsPiece) -> None:
+        add(self, piece)
         held.append(len(self._pieces) + len(self._pending))
 
-    monkeypatch.setattr(tables._TableWriter, "append_rows_of_log", add_and_count)
+    monkeypatch.setattr(tables._TableWriter, "append_piece", add_and_count)
     write_tables(tmp_path, dict.fromkeys(logs, staged_rows(tmp_path)), RUN_ID)
     assert len(held) == 60
     assert max(held) <= 4 + 60 / 4

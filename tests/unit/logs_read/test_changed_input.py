@@ -13,6 +13,7 @@ import pytest
 from cwcli.errors import InputError, OutputError
 from cwcli.input import (
     InputFile,
+    RealPaths,
     check_unchanged,
     names_of_inputs_in_folders,
     read_file,
@@ -170,6 +171,19 @@ def test_a_file_that_a_run_has_read_is_no_target(tmp_path: Path) -> None:
             refuse_unwritable_target(source, force=True)
     write_file(link, b"new", force=True)
     assert source.read_bytes() == b"mine"
+
+
+def test_real_paths_are_those_of_the_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "real/deep").mkdir(parents=True)
+    (tmp_path / "real/a").touch()
+    (tmp_path / "link").symlink_to("real")
+    (tmp_path / "real/b").symlink_to("a")
+    (tmp_path / "real/loop").symlink_to("loop")
+    real_paths = RealPaths()
+    for name in ("real/a", "link/a", "link/b", "link/loop", "link/deep/../a", "link/..", "link/", "link", ".", "none/x",
+                 "/", f"{tmp_path}/link/a", "-", "link//a"):  # fmt: skip
+        assert real_paths.resolve(name) == os.path.realpath(name), name
 
 
 def test_a_run_minds_the_logs_that_are_open(path: Path) -> None:
