@@ -24,6 +24,8 @@ from cwcli.text import escape_control_characters, format_count, join_names
 from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]
+MAX_DISTANCE_OF_NEAR_MISS_M = 0.5
+"""Greatest distance between outlines, in m, that is called near. Chosen by hand: cars pass parked ones farther away."""
 MAX_VEHICLE_ID_CHARACTERS = 40
 """The greatest length of a vehicle's id in a sentence, in characters. Chosen by hand; not fitted."""
 LANE_DEPARTURE_KIND = "lane"
@@ -336,7 +338,10 @@ def _drive_rightly_without_warnings_sentences(drive: Drive, drive_encounters: Dr
     if drive.ego is None or drive_encounters.nearest is None or drive_encounters.n_not_compared:
         return []
     conflict = drive.warning_config.parsed_conflict_definition.conflict_text
-    return [f"By the later tracks that was right: there was no moment when {conflict}."]
+    nearest = drive_encounters.nearest
+    is_near = not nearest.is_of_centres and nearest.distance_m < MAX_DISTANCE_OF_NEAR_MISS_M
+    verdict = "it was near, but no conflict" if is_near else "that was right"
+    return [f"By the later tracks {verdict}: there was no moment when {conflict}."]
 
 
 def _state_knowledge_sentence_or_empty(drive: Drive) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 
@@ -36,6 +37,10 @@ from cwcli.input import InputFile
 from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import OutputChannel
 
+MIXED_SEPARATORS_PATTERN = re.compile(r"[\w ]+([,;\t|])[\w ]+(\1[\w ]+)*")
+"""The name of a column that another separator divides: `lat,lon`."""
+MAX_LOOKED_AT_CHARACTERS = 200
+"""Number of characters of a name that are compared with it. Chosen by hand."""
 METADATA_NAME = "cwcli.import"
 """Name of the metadata record that says how the files were read."""
 
@@ -168,11 +173,18 @@ def _interpret_tables_with_quantities(
 
 
 def _no_quantity_error(where: str, tables: Sequence[SourceTable]) -> MissingSignalError:
+    columns = tuple(column for table in tables for column in table.columns)
+    hint = f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(COLUMN_WORDS_BY_QUANTITY)}"
+    mixed = next(
+        (each for each in columns if MIXED_SEPARATORS_PATTERN.fullmatch(each[:MAX_LOOKED_AT_CHARACTERS])), None
+    )
+    if mixed is not None:
+        hint = f"{mixed!r} may be several columns: put the same separator between all of them"
     return MissingSignalError(
         "no column is a position, a speed, a heading or an inertial measurement",
         where=where,
-        found=tuple(column for table in tables for column in table.columns)[:40],
-        hint=f"--column QUANTITY=COLUMN*UNIT; quantities: {', '.join(COLUMN_WORDS_BY_QUANTITY)}",
+        found=columns[:40],
+        hint=hint,
     )
 
 

@@ -501,7 +501,8 @@ def _sort_rows_by_stamp(table: LoadedTable, answers: Answers, best: TimeCandidat
     stamps = best.stamp_ns[rows]
     notes = []
     if len(rows) < table.n_rows:
-        notes.append(f"{table.n_rows - len(rows)} rows without a time are left out")
+        n_without = table.n_rows - len(rows)
+        notes.append(f"{format_count(n_without, 'row')} without a time {'is' if n_without == 1 else 'are'} left out")
     if len(stamps) < 2:
         raise DataError(
             f"it has {format_count(len(stamps), 'row')} with a time", where=where, hint="a log needs at least two"

@@ -93,6 +93,12 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
         replace(with_phone_units_and_time_base(table, name, start), has_accelerations_of_other_sign=is_of_apple)
         for name, table in sources.items()
     ]
+    if not tables and "accelerometer" in texts:
+        raise DataError(
+            "it holds no more than accelerations without gravity, which show no vertical",
+            where=path,
+            hint="record the location, too, and the gyroscope and the total acceleration, or gravity",
+        )
     if not tables:
         raise InputError("its tables have no rows", where=path)
     has_position = any(table.part and lower_case_name_of_table_file(table.part) in POSITION_TABLES for table in tables)

@@ -101,14 +101,14 @@ def test_memory_does_not_grow_with_the_time_between_two_rows(time: str, tmp_path
 )
 def test_row_with_an_impossible_date_is_left_out(time: str, tmp_path: Path) -> None:
     made = plan(table(tmp_path, replaced(UTC, 5, time)))
-    assert "1 rows without a time are left out" in notes(made)
+    assert "1 row without a time is left out" in notes(made)
     np.testing.assert_array_equal(log_times(made), np.delete(log_times(plan(table(tmp_path, UTC))), 5))
 
 
 @pytest.mark.parametrize("time", ["2147483648", "9999999999999999999", "999999999999", "-1e18", "1e300"])
 def test_row_with_an_impossible_number_of_time_is_left_out(time: str, tmp_path: Path) -> None:
     made = plan(table(tmp_path, replaced(T, 5, time)))
-    assert "1 rows without a time are left out" in notes(made)
+    assert "1 row without a time is left out" in notes(made)
     expected = np.delete(np.rint((START_S + D.t_s) * 1e3).astype(np.int64) * 1_000_000, 5)
     assert np.abs(log_times(made) - expected).max() < 1000  # a double resolves 240 ns
 
@@ -403,7 +403,7 @@ def test_one_row_without_a_time_costs_no_other(tmp_path: Path) -> None:
         made = plan(path)
         np.testing.assert_array_equal(log_times(made), np.delete(whole, 9))
         assert n_rows > 100
-        assert "1 rows without a time" in notes(made)
+        assert "1 row without a time" in notes(made)
 
 
 def test_names_and_dates_that_no_logger_writes(tmp_path: Path) -> None:

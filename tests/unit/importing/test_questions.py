@@ -310,3 +310,20 @@ def test_wrong_suffix_is_read_by_its_content(tmp_path: Path) -> None:
     (path,) = gpx_plain(tmp_path)
     wrong = path.rename(tmp_path / "track.csv")
     assert set(plan(wrong).kinds.values()) == {"gpx"}
+
+
+def test_other_separator_between_names_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("time;lat,lon\n1700000000;52,1,10,2\n1700000001;52,1,10,3\n")
+    with pytest.raises(CwcliError, match="no column is a position") as found:
+        plan(tmp_path / "a.csv")
+    assert "'lat,lon' may be several columns" in str(found.value.hint)
+
+
+def test_accelerations_of_a_phone_without_gravity_are_no_empty_tables(tmp_path: Path) -> None:
+    import zipfile
+
+    rows = "".join(f"{(START_S * 100 + k) * 10**7},{k / 100},0.1,0.2,0.1\n" for k in range(50))
+    with zipfile.ZipFile(tmp_path / "drive.zip", "w") as archive:
+        archive.writestr("Accelerometer.csv", f"time,seconds_elapsed,z,y,x\n{rows}")
+    with pytest.raises(DataError, match="accelerations without gravity"):
+        plan(tmp_path / "drive.zip")

@@ -125,6 +125,14 @@ def test_no_warning_that_was_right_tells_the_gap_of_the_outlines() -> None:
     assert story.more[0].startswith("By the later tracks that was right: there was no moment when the two were closer")
 
 
+def test_near_miss_is_not_called_right() -> None:
+    # it stands crosswise beside the way, 4.5 m long and 3.55 m off it: 3.55 - 2.25 - 0.9 m are between the outlines
+    scene = drive(straight(3.55, 50.0, 0.0, 0.0), no_warnings())
+    story = build_story(scene, find_encounters(scene))
+    assert "was 0.4 m away, outline to outline" in story.headline
+    assert story.more[0].startswith("By the later tracks it was near, but no conflict")
+
+
 def test_nearest_is_that_of_the_outlines() -> None:
     # a bus 12 m long and 2.5 m wide at 7 m: 7 - 0.9 - 1.25 m; a car at 6 m: 6 - 1.8 m
     scene = drive(straight(6.0, 20.0, 0.0, NORTH), no_warnings())
