@@ -26,8 +26,8 @@ DESCRIPTION_PLACE_BY_FILE_KIND = {
     "vbox": "vbox:KIND",
     "nmea": "nmea:KIND",
     "euroc": "euroc:KIND",
-    "tum": "trajectory:TUM",
-    "kitti": "trajectory:KITTI",
+    "tum": "trajectory:TUM_TRAJECTORY_IMPORT_KIND",
+    "kitti": "trajectory:KITTI_POSES_IMPORT_KIND",
     "csv": "csv_table:KIND",
 }
 """Name of a kind -> its description in a module here, in the order in which a file is compared with them."""

@@ -11,6 +11,7 @@ import pytest
 
 from cwcli.errors import CwcliError, DataError, InputError
 from cwcli.importing.mapping import parse_table_quantity_and_column_unit
+from cwcli.importing.readers import DESCRIPTION_PLACE_BY_FILE_KIND, load_kind
 from cwcli.importing.run import ImportPlan, plan_import
 from cwcli.importing.tables import AmbiguousError, Answers
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
@@ -327,3 +328,8 @@ def test_accelerations_of_a_phone_without_gravity_are_no_empty_tables(tmp_path: 
         archive.writestr("Accelerometer.csv", f"time,seconds_elapsed,z,y,x\n{rows}")
     with pytest.raises(DataError, match="accelerations without gravity"):
         plan(tmp_path / "drive.zip")
+
+
+@pytest.mark.parametrize("name", DESCRIPTION_PLACE_BY_FILE_KIND)
+def test_every_kind_is_where_the_table_says(name: str) -> None:
+    assert load_kind(name).summary
