@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.simulation.truth import TRUTH_GRID_STEP_S, Motion
+from cwcli.simulation.truth import Motion
+from tests.drive_truth import TRUTH_GRID_STEP_S
 
 
 def closest_approach_time_and_distance(a: Motion, b: Motion, end_s: float) -> tuple[float, float]:

@@ -7,7 +7,9 @@ import numpy as np
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.streams import seconds_to_ns
-from cwcli.simulation.truth import TRUTH_GRID_STEP_S
+
+TRUTH_GRID_STEP_S = 0.001
+"""Time step of the grid on which the truth is returned, s."""
 
 
 def _truth_times_s(drive: SimulatedDrive) -> FloatArray:

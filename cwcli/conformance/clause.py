@@ -170,7 +170,7 @@ class Trial:
         given: What the scene is built from, SI units.
         demands: What the judge asks for, SI units.
         rule: Warning rule that the trial is about; "" is the one that the user chose.
-        given_text, demands_text: The same in words, in the units of the file.
+        demands_text: The demands in words, in the units of the file.
     """
 
     name: str
@@ -179,7 +179,6 @@ class Trial:
     given: Mapping[str, float]
     demands: Mapping[str, float]
     rule: str = ""
-    given_text: str = ""
     demands_text: str = ""
 
 
@@ -524,7 +523,7 @@ def _parse_trials(table: Any, numbers: Mapping[str, PublishedNumber], where: str
                 given={key: value for (group, key), value in values.items() if group == "given"},
                 demands={key: value for (group, key), value in values.items() if group == "demands"},
                 rule=table.get("rule", ""),
-                **{f"{group}_text": _describe_numbers(used, group, index) for group in ("given", "demands")},
+                demands_text=_describe_demands(used, index),
             )
         )
     return trials
@@ -539,16 +538,16 @@ def _check_unit(path: str, key: str, number: PublishedNumber, where: str) -> Non
         raise UsageError(f"{path} has the unit {number.unit!r}", where=where, hint=hint)
 
 
-def _describe_numbers(used: Mapping[tuple[str, str], PublishedNumber], group: str, index: Mapping[str, int]) -> str:
-    """The numbers of a trial in words and in the file's units; what has no unit is a switch and is named alone.
+def _describe_demands(used: Mapping[tuple[str, str], PublishedNumber], index: Mapping[str, int]) -> str:
+    """The demands of a trial in words and in the file's units; what has no unit is a switch and is named alone.
 
     What a trial demands by choice of cwcli is marked, since nobody fails the standard by that number.
     """
     words = []
     for (place, key), number in used.items():
-        if place == group:
+        if place == "demands":
             value = f"{number.values[index.get(number.name, 0)]:g} {number.unit}" if number.unit else ""
-            chosen = f" ({CHOICE_TEXT})" if value and group == "demands" and number.basis == "own" else ""
+            chosen = f" ({CHOICE_TEXT})" if value and number.basis == "own" else ""
             words.append(f"{key.replace('_', ' ').replace('ttc', 'TTC')} {value}{chosen}".rstrip())
     return ", ".join(words)
 

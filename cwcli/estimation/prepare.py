@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.coarse_fixes import find_coarse_east_north_steps_m, note_on_coarse_fixes
-from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.imu import ImuMounting, LevelledImu, level_imu_by_gravity
 from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.odd_sensors import begin_and_end_of_true_stretches, is_first_row_contradicted, stuck_row_mask
 from cwcli.estimation.passes import PitchRateSeries, SensorSeries
-from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows
+from cwcli.estimation.repeated_rows import NO_STALE_ROWS, find_stale_rows, quantisation_step_or_zero_or_infinity
 from cwcli.estimation.sensor_limits import WHITE_NOISE_RANGE_BY_KIND
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray, Int64Array, ValueRows, median_of_values
@@ -33,6 +33,38 @@ MIN_FITTED_IMU_NOISE_TO_ROUGHNESS = 0.5
 fitted."""
 _NAME_OF_RATE_KIND: Mapping[Kind, str] = {Kind.ACCEL: "the acceleration", Kind.YAW_RATE: "the yaw rate"}
 """Names of the rates in notes, without unit."""
+MIN_COARSE_HEADING_STEP_RAD = math.radians(3.0)
+"""Least step of a heading that counts as coarse, rad. Chosen by hand: finer ones err by less than a compass does."""
+MAX_DIFFERENCE_OF_SAME_HEADING_RAD = 1e-6
+"""Greatest difference of two headings that are the same, rad: rounding of numbers."""
+MAX_HEADING_CHANGE_DURATION_S = 1.0
+"""Longest time between the two rows of a change, s: a car turns by 30 degrees in it. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class CoarseHeadings:
+    """Where headings that are rounded to coarse steps, such as the sixteen points of a compass, change by one step.
+
+    On a straight road such a heading errs by the same angle for minutes, which no filter averages out. Only where it
+    changes by one step is the true heading known: it is halfway.
+
+    Attributes:
+        step_rad: The step.
+        time_s, heading_rad: Shape (k,): time and heading halfway through each change.
+        rows: Shape (k,): the row behind each change.
+    """
+
+    step_rad: float
+    time_s: FloatArray
+    heading_rad: FloatArray
+    rows: npt.NDArray[np.intp]
+
+    def note_for_user(self, source: str) -> str:
+        """Return what the user is told."""
+        return (
+            f"{source}: its headings are rounded to steps of {math.degrees(self.step_rad):.3g} degrees: only the "
+            f"{len(self.time_s)} changes from one step to the next are used"
+        )
 
 
 @dataclass(frozen=True)
@@ -354,3 +386,21 @@ def average_rows_to_rate(series: SensorSeries, rate_hz: float) -> SensorSeries:
     if series.kind not in (*KINDS_THAT_IMU_MEASURES_TOO, Kind.SPEED) or len(series) < 3:
         return series
     return average_row_blocks(series, int(1.0 / (rate_hz * max(median_of_values(np.diff(series.time_s)), 1e-4)) + 0.25))
+
+
+def find_coarse_headings(time_s: FloatArray, heading_rad: FloatArray) -> CoarseHeadings | None:
+    """Return the changes of headings (n,) at times (n,) that are rounded to coarse steps; None where they are fine."""
+    change_rad = np.diff(heading_rad)
+    change_rad = (change_rad + math.pi) % (2.0 * math.pi) - math.pi
+    step_rad = quantisation_step_or_zero_or_infinity(np.abs(change_rad), MAX_DIFFERENCE_OF_SAME_HEADING_RAD)
+    if not math.isfinite(step_rad) or step_rad < MIN_COARSE_HEADING_STEP_RAD:
+        return None
+    duration_s = np.diff(time_s)
+    is_one_step = (np.abs(change_rad) > MAX_DIFFERENCE_OF_SAME_HEADING_RAD) & (np.abs(change_rad) < 1.5 * step_rad)
+    rows = np.flatnonzero(is_one_step & (duration_s <= MAX_HEADING_CHANGE_DURATION_S))
+    return CoarseHeadings(
+        step_rad,
+        time_s[rows] + 0.5 * duration_s[rows],
+        heading_rad[rows] + 0.5 * change_rad[rows],
+        rows + 1,
+    )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from cwcli.channels.reasons import (
     UNKNOWN_TYPE_TEXT,
     FieldKind,
@@ -14,9 +12,7 @@ from cwcli.channels.reasons import (
 )
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.reader import Log
+from cwcli.logs.read.reader import Log
 
 MAX_MESSAGES_READ_PER_CHANNEL = 5
 """Greatest number of messages of a channel that are read for its fields: the first may lack optional ones. Chosen by

@@ -20,8 +20,6 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.profile import MotionProfile, find_piece_at
 from cwcli.toml_text import toml_value_error
 
-TRUTH_GRID_STEP_S = 0.001
-"""Time step of the grid on which the truth is returned, s. Chosen by hand; not fitted."""
 QUADRATURE_STEP_S = 0.01
 """Step of the quadrature of the position, s. Edges of the profile's pieces are steps too, so that the motion is smooth
 inside each step. Chosen by hand; not fitted."""

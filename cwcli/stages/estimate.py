@@ -63,13 +63,12 @@ from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
 from cwcli.pipeline.run_record import build_run_record
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal, TimedSignal
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.gap_notes import format_gap_notes
 from cwcli.signals.geodesy import LocalMap, parse_truth_origin
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.inputs.sources import SensorSignals, SourceConfig, read_sensor_signals
-from cwcli.stages.summaries.estimate import estimate_tables, online_states_table
+from cwcli.stages.summaries.estimate import estimate_tables, format_gap_notes, online_states_table
 from cwcli.work_share import part_of_work
 
 EXAMPLES = (

@@ -52,10 +52,9 @@ from cwcli.vision.ground import (
     image_hyperbolas_of_flat_road,
     repeat_pinhole_per_frame,
 )
-from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneSearch, Method
+from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneSearch, Method, PreparedFrame, make_frame_preparer
 from cwcli.vision.methods import DEFAULT_METHOD, check_method_and_model, load_method
 from cwcli.vision.mounting import MountingChoice, check_mounting_ranges
-from cwcli.vision.prepared_frame import PreparedFrame, make_frame_preparer
 from cwcli.vision.rectify import Rectifier, rectified_camera
 from cwcli.vision.search_clock import SearchClock
 from cwcli.work_share import part_of_work, report_work

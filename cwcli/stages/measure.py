@@ -17,9 +17,15 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.measures.base import Measure
-from cwcli.measures.evaluate import WHOLE_TIME_ENCOUNTER, ExtremeValue, MeasuredPair, measure_pair
+from cwcli.measures.evaluate import (
+    WHOLE_TIME_ENCOUNTER,
+    ExtremeValue,
+    MeasuredPair,
+    measure_extremes_table,
+    measure_pair,
+    measure_series_table,
+)
 from cwcli.measures.pair import MAX_CENTRE_DISTANCE_OF_COMPARED_OUTLINES_M
-from cwcli.measures.tables import measure_extremes_table, measure_series_table
 from cwcli.option import Option
 from cwcli.pipeline.result import Cell, StageResult, StageSummary, SummaryTable
 from cwcli.pipeline.run_record import build_run_record

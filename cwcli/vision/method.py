@@ -20,8 +20,19 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera, WidthHeightPx
 from cwcli.vision.encoded import Image
+from cwcli.vision.frames import DecodedFrame
+from cwcli.vision.rectify import Rectifier
 
 GreyImage = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class PreparedFrame:
+    """A prepared frame: the image to be searched, what the method computed of it, and the image in colour."""
+
+    grey: Image
+    method_result: object = None
+    colour: Image | None = None
 
 
 @dataclass(frozen=True)
@@ -150,3 +161,20 @@ def check_lane_fit(fit: LaneFit, frame: LaneFrame) -> LaneFit:
     if not (isinstance(fit, LaneFit) and isinstance(fit.left, Boundary) and isinstance(fit.right, Boundary)):
         raise TypeError(f"{fit!r} is no LaneFit of two boundaries")
     return fit
+
+
+def make_frame_preparer(method: Method, rectifier: Rectifier | None) -> Callable[[DecodedFrame], object] | None:
+    """A function that prepares each decoded frame for a method (`PreparedFrame`); None where there is nothing to do."""
+    if method.prepare is None and rectifier is None:
+        return None
+
+    def rectify_and_scale_frame(decoded: DecodedFrame) -> PreparedFrame:
+        assert decoded.image is not None
+        grey, colour = decoded.image, decoded.colour
+        if rectifier is not None:
+            size = decoded.width_px, decoded.height_px
+            grey = rectifier.rectify_image(grey, size)
+            colour = None if colour is None else rectifier.rectify_image(colour, size)
+        return PreparedFrame(grey, None if method.prepare is None else method.prepare(grey), colour)
+
+    return rectify_and_scale_frame

@@ -3,6 +3,9 @@
 FFmpeg pulls the messages through a Matroska stream that is made on the way, and each picture comes back with the number
 of its message. So a picture is never taken for another message's, however many are lost, damaged or held back. A stream
 begins at a message with parameters, and a new one where they change: OpenCV would scale the pictures to the first size.
+
+Sources: ITU-T H.264 and H.265, table 7-1 (types of NAL units) and annex B (start codes); VP9 bitstream specification,
+version 0.7, section 6.2 (uncompressed header).
 """
 
 from __future__ import annotations
@@ -11,16 +14,17 @@ import io
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
+from dataclasses import field
 from itertools import groupby
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 
 from cwcli.errors import InputError
+from cwcli.lazy_dataclass import dataclass
 from cwcli.vision.camera import WidthHeightPx
 from cwcli.vision.encoded import Image
 from cwcli.vision.matroska import BLOCK_INTERVAL_MS, encode_matroska_block, encode_matroska_start
-from cwcli.vision.video_start import parameters_if_decodable_start
 
 CODEC_OF_VIDEO_FORMAT = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}
 """Codec for each format that a message may name."""
@@ -33,6 +37,31 @@ MAX_EXTRA_DECODER_FAILURES = 2
 fitted."""
 BLOCK_NUMBER_ABOVE_ALL_MESSAGES = 1 << 40
 """A block number above that of any message."""
+NAL_START_CODE = b"\x00\x00\x01"
+"""Bytes before each NAL unit (annex B)."""
+H264_SPS_TYPE, H264_SLICE_TYPES = 7, range(1, 6)
+"""Types of H.264 NAL units: sequence parameter sets, and slices (table 7-1)."""
+H265_SPS_TYPE, H265_SLICE_TYPES = 33, range(32)
+"""Types of H.265 NAL units: sequence parameter sets, and slices (table 7-1)."""
+VP9_FRAME_MARKER, VP9_SYNC_CODE, VP9_RGB_COLOUR_SPACE = 2, 0x498342, 7
+"""Frame marker, synchronisation code and RGB colour space in the header of a VP9 frame (section 6.2)."""
+
+
+@dataclass
+class _BitReader:
+    """Reads numbers of any length from a bit string, first bit first."""
+
+    data: bytes
+    at: int = field(default=0)
+
+    def read_bits(self, n_bits: int) -> int:
+        """The next n bits as a number; zeros behind the end."""
+        value = 0
+        for position in range(self.at, self.at + n_bits):
+            byte = self.data[position >> 3] if position >> 3 < len(self.data) else 0
+            value = value << 1 | byte >> (7 - position % 8) & 1
+        self.at += n_bits
+        return value
 
 
 class EncodedMessage(Protocol):
@@ -209,3 +238,56 @@ class _MatroskaFeed(io.BufferedIOBase, Generic[Message]):
     def pop_oldest_waiting_message_if_numbered(self, number: int) -> Message | None:
         """Take out this message; None if it is out already."""
         return self.waiting.popleft()[1] if self.waiting and self.waiting[0][0] == number else None
+
+
+def parameters_if_decodable_start(codec: str, data: bytes | memoryview) -> bytes | None:
+    """Parameters that identify a stream, if decoding may start at this message, else None.
+
+    Args:
+        codec: `h264`, `h265` or `vp9`.
+        data: A message: NAL units with start codes, or a VP9 frame.
+
+    Returns:
+        The sequence parameter sets of the message; of a VP9 key frame its format and size.
+    """
+    if codec == "vp9":
+        return _vp9_key_frame_format(bytes(data[:16]))
+    parameters = b"".join(_iter_parameter_sets(codec, bytes(data)))
+    return parameters or None
+
+
+def _iter_parameter_sets(codec: str, data: bytes) -> Iterator[bytes]:
+    """The sequence parameter sets before the first slice; they can't come later."""
+    at = data.find(NAL_START_CODE)
+    while 0 <= at < len(data) - len(NAL_START_CODE):
+        begin = at + len(NAL_START_CODE)
+        first = data[begin]
+        kind = first & 0x1F if codec == "h264" else first >> 1 & 0x3F
+        if kind in (H264_SLICE_TYPES if codec == "h264" else H265_SLICE_TYPES):
+            return
+        at = data.find(NAL_START_CODE, begin)
+        if kind == (H264_SPS_TYPE if codec == "h264" else H265_SPS_TYPE):
+            yield data[begin : at if at >= 0 else len(data)].rstrip(b"\x00")
+
+
+def _vp9_key_frame_format(data: bytes) -> bytes | None:
+    """Format and size of a VP9 key frame as text; None for other frames."""
+    bits = _BitReader(data)
+    if bits.read_bits(2) != VP9_FRAME_MARKER:
+        return None
+    profile = bits.read_bits(1) | bits.read_bits(1) << 1
+    bits.read_bits(1 if profile == 3 else 0)
+    is_repeated, is_inter = bits.read_bits(1), bits.read_bits(1)
+    bits.read_bits(2)
+    if is_repeated or is_inter or bits.read_bits(24) != VP9_SYNC_CODE:
+        return None
+    depth = bits.read_bits(1) if profile >= 2 else 0
+    color_space = bits.read_bits(3)
+    has_subsampling = profile in (1, 3)
+    layout = bits.read_bits(
+        (1 if has_subsampling else 0) if color_space == VP9_RGB_COLOUR_SPACE else (4 if has_subsampling else 1)
+    )
+    width, height = bits.read_bits(16) + 1, bits.read_bits(16) + 1
+    if bits.at > 8 * len(data):
+        return None
+    return f"{profile} {depth} {color_space} {layout} {width} x {height}".encode()

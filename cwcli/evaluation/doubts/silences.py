@@ -26,7 +26,7 @@ MIN_DRIVING_SPEED_MPS = 1.0
 MAX_STATE_STEP_COUNTED_AS_DRIVEN_S = 1.0
 """Longest step between two states, s, that counts as driven. Chosen by hand: states are 20 a second."""
 SILENCES_RECORD_KEY = "silences"
-"""Entry of the record of `estimate` that holds the silences as JSON (`cwcli.evaluation.silent_sources`)."""
+"""Entry of the record of `estimate` that holds the silences as JSON (`cwcli.evaluation.estimate`)."""
 
 
 def find_silences(evidence: DoubtEvidence) -> list[Finding]:

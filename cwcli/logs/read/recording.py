@@ -6,17 +6,16 @@ Format: https://github.com/ros2/rosbag2/blob/rolling/rosbag2_storage/src/rosbag2
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import field
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 
 from cwcli.errors import InputError, UsageError
 from cwcli.input import InputFile, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.joined_file import JoinedFile
-from cwcli.logs.read.bounded_yaml import load_yaml
 from cwcli.logs.read.remote import file_names_below_url, is_remote_url, iter_remote_blocks
 from cwcli.url import display_name_of_url
 
@@ -37,8 +36,21 @@ MAX_DIGITS_OF_MESSAGE_COUNT = 19
 """The greatest number of digits in a number of messages: as many as 2^63 has."""
 YAML_NULL_TEXTS = ("", "~", "null")
 """The texts that stand for null in YAML 1.2."""
-
 Opener = Callable[[str], InputFile]
+MAX_YAML_DEPTH = 64
+"""The greatest depth of lists and mappings inside each other. Chosen by hand."""
+
+
+class ExpandedSize(NamedTuple):
+    """The size of a part of a document with every alias expanded.
+
+    Attributes:
+        nodes: Number of scalars, lists and mappings.
+        chars: Number of characters of its scalars.
+    """
+
+    nodes: int = 0
+    chars: int = 0
 
 
 @dataclass(frozen=True)
@@ -276,3 +288,67 @@ def _parse_message_count(value: object) -> int | None:
         isinstance(value, str) and len(value) <= MAX_DIGITS_OF_MESSAGE_COUNT and value.isascii() and value.isdigit()
     )
     return int(value) if is_number else None  # type: ignore[call-overload]
+
+
+def load_yaml(text: bytes, *, max_nodes: int, max_chars: int, max_depth: int = MAX_YAML_DEPTH) -> Any:
+    """Load a document of unknown origin as dicts, lists and texts, after a check of its expanded size.
+
+    A few hundred bytes of YAML can expand to gigabytes: an alias repeats what an anchor names, which may contain
+    aliases itself. The events of the parser are counted first, each alias with its expanded size; only a document
+    within the bounds is loaded. Every scalar stays text: numbers, times, merge keys and tags, which cost more or run
+    code in other loaders, are not interpreted.
+
+    Args:
+        text: One YAML document.
+        max_nodes: Greatest number of values, with every alias expanded.
+        max_chars: Greatest number of characters of all values, with every alias expanded.
+        max_depth: Greatest depth of lists and mappings inside each other.
+
+    Raises:
+        ValueError: It exceeds a bound.
+        yaml.YAMLError: It is not YAML.
+    """
+    import yaml
+
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    measure_expanded_size(yaml.parse(text, loader), max_nodes=max_nodes, max_chars=max_chars, max_depth=max_depth)
+    return yaml.load(text, loader)
+
+
+def measure_expanded_size(events: Iterable[Any], *, max_nodes: int, max_chars: int, max_depth: int) -> ExpandedSize:
+    """Return the expanded size of a document from its events, and check it against the bounds on the way.
+
+    Args:
+        events: From `yaml.parse`; no more are read than the bounds allow.
+        max_nodes, max_chars, max_depth: The bounds; see `load_yaml`.
+
+    Raises:
+        ValueError: The document exceeds a bound, or an alias has no anchor before it or lies inside its own.
+    """
+    import yaml
+
+    total = ExpandedSize()
+    sizes: dict[str, ExpandedSize] = {}
+    begun: list[tuple[str | None, ExpandedSize]] = []
+    for event in events:
+        before = total
+        if isinstance(event, yaml.CollectionStartEvent):
+            begun.append((event.anchor, before))
+            if event.anchor is not None:
+                sizes.pop(event.anchor, None)
+            total = ExpandedSize(total.nodes + 1, total.chars)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = begun.pop()
+            if anchor is not None:
+                sizes[anchor] = ExpandedSize(total.nodes - before.nodes, total.chars - before.chars)
+        elif isinstance(event, yaml.ScalarEvent):
+            total = ExpandedSize(total.nodes + 1, total.chars + len(event.value))
+            if event.anchor is not None:
+                sizes[event.anchor] = ExpandedSize(1, len(event.value))
+        elif isinstance(event, yaml.AliasEvent):
+            if event.anchor not in sizes:
+                raise ValueError("an alias names nothing that is complete before it")
+            total = ExpandedSize(*(sum(pair) for pair in zip(total, sizes[event.anchor], strict=True)))
+        if total.nodes > max_nodes or total.chars > max_chars or len(begun) > max_depth:
+            raise ValueError("it is nested too deep, or stands for too much")
+    return total

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from cwcli.errors import DataError, OutputError, UsageError
 from cwcli.lazy_dataclass import dataclass
@@ -20,6 +20,7 @@ from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.open_index import index_every_record
 from cwcli.logs.format.records import Channel, Schema
+from cwcli.logs.read.reader import Log
 from cwcli.logs.write.message_merge import MessageMerge, feed_from_columns, merges_of_large_and_small_feeds
 from cwcli.logs.write.profile import profile_kept_by_channels_or_empty
 from cwcli.logs.write.record_writer import RecordWriter
@@ -27,9 +28,6 @@ from cwcli.logs.write.source_copy import SourceCopy
 from cwcli.output import AtomicGroup, make_folder, open_output
 from cwcli.signals.columns import OutputChannel
 from cwcli.work_share import report_work
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.reader import Log
 
 MAX_SCHEMA_OR_CHANNEL_ID = 0xFFFF
 """The greatest id of a schema or a channel: the format has 16 bits for it (MCAP specification)."""

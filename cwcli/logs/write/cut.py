@@ -12,7 +12,6 @@ import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -25,15 +24,13 @@ from cwcli.logs.format.index import LogIndex, UnchunkedRange
 from cwcli.logs.format.metadata_table import MetadataRun
 from cwcli.logs.format.records import AttachmentIndex, ChunkIndex
 from cwcli.logs.read.message_reader import MIN_MESSAGE_BYTES, MessageBatch, MessageReader, find_message_index_entries
+from cwcli.logs.read.reader import Log
 from cwcli.logs.write.latched import find_latched_messages, latched_channel_ids
 from cwcli.logs.write.message_merge import BYTES_OF_FULL_NEW_CHUNK, ChunkPayload
 from cwcli.logs.write.profile import profile_kept_by_channels_or_empty
 from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.source_copy import message_index_entries_by_channel
 from cwcli.output import open_output
-
-if TYPE_CHECKING:
-    from cwcli.logs.read.reader import Log
 
 CUT_RECORD_NAME = "cwcli.cut"
 """Name of the metadata record that says what a cut log is a part of."""

@@ -13,7 +13,6 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.geometry import RoadAhead
-from cwcli.simulation.road.lamps import Lamp
 from cwcli.simulation.road.scene import Light, RoadScene, SceneVehicle
 from cwcli.simulation.road.surface import Float32Array
 
@@ -47,6 +46,20 @@ N_TREE_SHAPES = 12
 """Number of different tree shapes. Chosen by hand; not fitted."""
 TREE_IMAGE_SIZE_PX = 96
 """Height and width at which tree shapes are made, px. Chosen by hand; not fitted."""
+HALO_TO_LAMP_RADIUS_RATIO = 9.0
+"""Radius of the halo in radii of the lamp. Chosen by hand; not fitted."""
+DAY_TO_NIGHT_LAMP_STRENGTH_RATIO = 0.25
+"""Strength of a lamp by day relative to night. Chosen by hand; not fitted."""
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp in the image: place and radius in pixels; strength 1 for a headlight."""
+
+    u_px: float
+    v_px: float
+    radius_px: float
+    strength: float
 
 
 @dataclass(frozen=True)
@@ -352,3 +365,21 @@ def draw_tree(image: Float32Array, box: FloatArray, number: int, dark: float, li
     )
     part = image[top:bottom, left:right]
     part += cover * (dark + (light - dark) * shine - part)
+
+
+def draw_lamps(image: Float32Array, lamps: Sequence[Lamp], *, at_night: bool) -> None:
+    """Draw lamps into the image, in place."""
+    height, width = image.shape
+    for lamp in lamps:
+        reach = int(min(lamp.radius_px * HALO_TO_LAMP_RADIUS_RATIO, width / 5)) + 2
+        u0, u1 = max(int(lamp.u_px) - reach, 0), min(int(lamp.u_px) + reach + 1, width)
+        v0, v1 = max(int(lamp.v_px) - reach, 0), min(int(lamp.v_px) + reach + 1, height)
+        if u0 >= u1 or v0 >= v1:
+            continue
+        du = np.arange(u0, u1, dtype=np.float32)[None, :] - np.float32(lamp.u_px)
+        dv = np.arange(v0, v1, dtype=np.float32)[:, None] - np.float32(lamp.v_px)
+        far = np.sqrt(du * du + dv * dv)
+        edge = np.clip(1.0 - far / reach, 0.0, 1.0)
+        far /= np.float32(lamp.radius_px)
+        strength = lamp.strength * (1.0 if at_night else DAY_TO_NIGHT_LAMP_STRENGTH_RATIO)
+        image[v0:v1, u0:u1] += strength * edge * (230.0 * np.exp(-(far**2)) + 120.0 * np.exp(-far / 1.8))

@@ -9,8 +9,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.road import ground, weather
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.geometry import RoadAhead
-from cwcli.simulation.road.lamps import draw_lamps
-from cwcli.simulation.road.objects import draw_roadside, draw_vehicles
+from cwcli.simulation.road.objects import draw_lamps, draw_roadside, draw_vehicles
 from cwcli.simulation.road.paint import paint_marking
 from cwcli.simulation.road.rows import compute_road_rows
 from cwcli.simulation.road.scene import RoadScene

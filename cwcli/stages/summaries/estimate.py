@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
 
 from cwcli.channels.published import REJECTED
 from cwcli.estimation.limit_check import is_bias_within_sensor_limits
@@ -14,6 +16,9 @@ from cwcli.estimation.result import TrackSummary
 from cwcli.estimation.summary import measured_quantity_name
 from cwcli.pipeline.json_names import CellWithValues
 from cwcli.pipeline.result import Cell, SummaryTable
+from cwcli.signals.canonical import TimedSignal
+from cwcli.signals.clocks import find_stamp_gaps
+from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag
 from cwcli.stages.summaries import NIS_CELL_BY_IS_WITHIN_BOUNDS, cell_of_low_and_high_bound
 
@@ -24,6 +29,8 @@ FLAGGED_STATES_HEADINGS = {
     StateFlag.REJECTING: "states while a source is rejected (only with --causal)",
 }
 """Flag of states -> heading of their number in the table of tracks."""
+MAX_LISTED_CHANNELS = 5
+"""The largest number of channels that are listed; the rest are counted."""
 
 
 def estimate_tables(tracks: Mapping[str, TrackSummary]) -> tuple[SummaryTable, ...]:
@@ -191,3 +198,29 @@ def _value_with_sigma_cell(value: float, sigma: float, digits: str, **null_entri
     if text and not math.isnan(sigma):
         text += f" +- {sigma:{'.0f' if digits == '.0f' else '.2g'}}"
     return CellWithValues(text, {"": value, "sigma": sigma, **null_entries})
+
+
+def format_gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:
+    """Return one line for each signal with gaps, a late start and an early end included: their number, and the longest
+    one.
+
+    Args:
+        start_ns, end_ns: Span in which the signals should have been there.
+    """
+    notes = []
+    for signal in signals:
+        gaps = find_stamp_gaps(np.sort(signal.stamp_ns), start_ns=start_ns, end_ns=end_ns)
+        if not gaps:
+            continue
+        longest = max(gaps, key=lambda gap: gap.duration_s)
+        if longest.end_ns <= int(signal.stamp_ns.min()):
+            place = "before its first message"
+        elif longest.start_ns >= int(signal.stamp_ns.max()):
+            place = "after its last message"
+        else:
+            place = f"from {(longest.start_ns - start_ns) / NS_PER_S:.1f} s after the first message of any channel"
+        count = f"{len(gaps)} gaps without messages; the longest is" if len(gaps) > 1 else "a gap without messages,"
+        notes.append(f"{signal.source}: {count} {longest.duration_s:.1f} s {place}")
+    return notes[:MAX_LISTED_CHANNELS] + (
+        [f"{len(notes) - MAX_LISTED_CHANNELS} more channels have gaps"] if len(notes) > MAX_LISTED_CHANNELS else []
+    )

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.estimation.coarse_headings import find_coarse_headings
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
+from cwcli.estimation.prepare import clean_and_sort_measurements_and_note, find_coarse_headings
 from cwcli.signals.columns import FloatArray
 
 TIME_S = 0.1 * np.arange(1001.0)

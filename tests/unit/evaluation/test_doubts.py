@@ -19,8 +19,8 @@ from cwcli.evaluation.doubts import (
     find_remarks_in_evidence,
 )
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
+from cwcli.evaluation.estimate import lost_quantity_spans_to_record_entry
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_value_in_window_from_each_row
-from cwcli.evaluation.silent_sources import lost_quantity_spans_to_record_entry
 from cwcli.evaluation.truth import build_nees_section
 from cwcli.pipeline.assumed_camera import ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING
 from cwcli.signals.units import NS_PER_S

@@ -10,8 +10,13 @@ from typing import Any
 import pytest
 import yaml
 
-from cwcli.logs.read.bounded_yaml import ExpandedSize, load_yaml, measure_expanded_size
-from cwcli.logs.read.recording import RecordingListing, read_recording_listing
+from cwcli.logs.read.recording import (
+    ExpandedSize,
+    RecordingListing,
+    load_yaml,
+    measure_expanded_size,
+    read_recording_listing,
+)
 
 BOUNDS = {"max_nodes": 1000, "max_chars": 1000, "max_depth": 10}
 MAX_PEAK_BYTES = 20_000_000

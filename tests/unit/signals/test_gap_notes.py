@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cwcli.signals.gap_notes import format_gap_notes
+from cwcli.stages.summaries.estimate import format_gap_notes
 
 S = 1_000_000_000
 

@@ -12,8 +12,7 @@ import pytest
 from cwcli.errors import InputError
 from cwcli.vision.encoded import Image
 from cwcli.vision.frames import MAX_VIDEO_PIXELS
-from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, decode_video
-from cwcli.vision.video_start import parameters_if_decodable_start
+from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, decode_video, parameters_if_decodable_start
 from tests.unit.vision import video_clips
 from tests.unit.vision.h264_pcm import MB_PX, changed_picture, key_picture, parameters
 

@@ -8,7 +8,7 @@ import pytest
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.quality import Quality
-from cwcli.signals.radio import wsmp
+from cwcli.signals.radio import frames
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.security import secured
 from tests.unit.signals.radio.test_bsm import octets_of
@@ -56,7 +56,7 @@ def test_what_is_inside_is_read(security: bool | None, more: dict[str, bytes]) -
 
 def test_a_long_one_has_its_length_in_two_octets() -> None:
     payload = bytes(range(256)) * 2
-    found = wsmp.extract_wsmp_payloads(octets_of([wave(payload), payload[5:], wave(b"\x07")]))
+    found = frames.extract_wsmp_payloads(octets_of([wave(payload), payload[5:], wave(b"\x07")]))
     inside = [found.data[a:b].tobytes() for a, b in zip(found.starts, found.ends, strict=True)]
     assert inside == [payload, payload[5:], b"\x07"]
 
@@ -74,5 +74,5 @@ def test_any_octets_stay_inside_their_message() -> None:
     rng = np.random.default_rng(3)
     some = [bytes([3 + 8 * int(rng.integers(2)), *rng.integers(0, 256, int(rng.integers(0, 30)))]) for _ in range(5000)]
     octets = octets_of(some)
-    found = wsmp.extract_wsmp_payloads(octets)
+    found = frames.extract_wsmp_payloads(octets)
     assert ((found.starts >= octets.starts) & (found.ends <= octets.ends) & (found.ends >= found.starts)).all()
