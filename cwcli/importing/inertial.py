@@ -62,7 +62,7 @@ def find_accelerations_and_turn_rates(meaning: Meaning, track: TrackSpans | None
         other: A table with the accelerations of the same device, whose turn rates are in the first one.
     """
     specific_force = _read_si_vector_in_sensor_axes(meaning, "accel", track)
-    turn_rate = _read_si_vector_in_sensor_axes(meaning, "gyro", track)
+    turn_rate = _read_si_vector_in_sensor_axes(meaning, "gyro", track, specific_force)
     if other is not None and specific_force is None and turn_rate is not None:
         specific_force = _read_si_vector_in_sensor_axes(other, "accel", track)
         if specific_force is not None:
@@ -91,8 +91,14 @@ def acceleration_table_by_turn_rate_table(meanings: Sequence[Meaning]) -> dict[s
     return {gyro.name: accel} if accel.since == gyro.since else {}
 
 
-def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: TrackSpans | None) -> FloatArray | None:
-    """Return accelerations or turn rates in SI and the sensor's axes (n, 3); None without, or behind a question."""
+def _read_si_vector_in_sensor_axes(
+    meaning: Meaning, accel_or_gyro: str, track: TrackSpans | None, specific_force: FloatArray | None = None
+) -> FloatArray | None:
+    """Return accelerations or turn rates in SI and the sensor's axes (n, 3); None without, or behind a question.
+
+    Args:
+        specific_force: Accelerations beside the turn rates, (n, 3) in the sensor's axes, which show its vertical.
+    """
     columns = _choose_axis_columns(meaning, accel_or_gyro)
     if columns is None or meaning.questions:
         return None
@@ -102,7 +108,7 @@ def _read_si_vector_in_sensor_axes(meaning: Meaning, accel_or_gyro: str, track: 
     if accel_or_gyro == "accel":
         kind, choice = "acceleration", _choose_accel_unit_or_ask(meaning, columns, values, track)
     else:
-        kind, choice = "turn rate", _choose_gyro_unit_or_ask(meaning, columns, values, track)
+        kind, choice = "turn rate", _choose_gyro_unit_or_ask(meaning, columns, values, track, specific_force)
     if not choice.unit:
         return None
     for axis, column in zip("xyz", columns, strict=True):
@@ -186,7 +192,11 @@ def _does_z_follow_way(meaning: Meaning, values: FloatArray, track: TrackSpans |
 
 
 def _choose_gyro_unit_or_ask(
-    meaning: Meaning, columns: list[str], values: FloatArray, track: TrackSpans | None
+    meaning: Meaning,
+    columns: list[str],
+    values: FloatArray,
+    track: TrackSpans | None,
+    specific_force: FloatArray | None,
 ) -> UnitChoice:
     stated = meaning.stated_unit("gyro_x", columns[0])
     if stated.unit:
@@ -194,8 +204,13 @@ def _choose_gyro_unit_or_ask(
     size = float(np.nanpercentile(np.abs(values), 99.9))
     if size > MAX_CAR_TURN_RATE_RADPS:
         return UnitChoice("degps", "likely", f"values up to {size:.3g} are beyond any car in rad/s")
+    axes = np.eye(3)
+    if specific_force is not None:
+        upward = np.nanmean(specific_force, axis=0)
+        if float(np.linalg.norm(upward)) > 0.5 * STANDARD_GRAVITY_MPS2:
+            axes = upward[np.newaxis] / np.linalg.norm(upward)
     best = max(
-        (turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values[:, k]) for k in range(3)),
+        (turn_rate_units_per_radps_and_correlation(track, meaning.stamp_ns, values @ axis) for axis in axes),
         key=lambda each: abs(each[1]),
     )
     if abs(best[1]) > MIN_CORRELATION_TO_SHOW_AXIS:

@@ -150,10 +150,15 @@ def _choose_speed_unit_or_ask(
 
 
 def _split_gnss_speed(meaning: Meaning) -> None:
-    """Leave out the receiver's speed where the car has one of its own in the same table."""
+    """Leave out the receiver's speed where the car has one of its own in the same table, and speeds that are 0."""
     columns = meaning.candidate_columns("speed")
     if len(columns) < 2 or meaning.is_decided_by_user("speed"):
         return
+    changing = [column for column in columns if np.nan_to_num(meaning.numbers_in_file_unit(column)).any()]
+    if changing and len(changing) < len(columns):
+        zeros = ", ".join(repr(column) for column in columns if column not in changing)
+        meaning.notes.append(f"{zeros} left out: 0 everywhere, and {changing[0]!r} is not")
+        meaning.table.candidates["speed"] = columns = changing
     of_receiver = [
         column
         for column in columns

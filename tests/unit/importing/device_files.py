@@ -92,6 +92,14 @@ def sensorlog_without_gyro(folder: Path) -> list[Path]:
     return sensorlog(folder, gyro=False)
 
 
+@device("fix speed gyro accel", accel=0.5)
+def turn_rates_of_a_slanted_phone(folder: Path) -> list[Path]:
+    """No axis is vertical, no turn rate is beyond a car's in rad/s, and no header names a unit; `speed` is 0 everywhere."""
+    slanted = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0], [0.0, -2.0, 1.0]]) / np.sqrt([2.0, 6.0, 3.0])
+    columns = [MS, *axes(R.force_mps2 @ slanted.T), *axes(R.turn_radps @ slanted.T), lat(ALL), lon(ALL), same("0", ALL), show(SPEED, 2, ALL)]
+    return write(folder, "rec.csv", "timestamp_ms,accX,accY,accZ,gyroX,gyroY,gyroZ,lat,lon,speed,gps_speed", rows_of(columns))
+
+
 def box(folder: Path, force: np.ndarray, turn: np.ndarray) -> list[Path]:
     top = ["Format,RaceBox CSV", "Lap 1, 33.821, sectors, 9.01,6.759,9.764,0,8.288", ""]
     columns = [number(ALL), times("%Y-%m-%dT%H:%M:%S.%fZ", ALL), lat(ALL), lon(ALL), show(SPEED * 3.6, 2, ALL), *axes(force / G), same("0", ALL), *axes(np.degrees(turn), 2)]
