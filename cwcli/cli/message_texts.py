@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from cwcli.cli.options.plain_coercion import MAX_SHOWN_VALUE_CHARACTERS
@@ -73,13 +75,39 @@ def _describe_setting(change: SettingChange) -> str:
 
 def _describe_channel(change: ChannelChange, found: LogDifference) -> str:
     at = f"{shorten_and_escape(change.topic)} at {found.seconds_since_start(change.at_ns):.3f} s"
-    values = [
-        shorten_and_escape(each, MAX_SHOWN_VALUE_CHARACTERS) or "nothing" for each in (change.before, change.after)
-    ]
-    what = f" {shorten_and_escape(change.field)}" if change.field else ""
+    index, *texts = _most_different_element(change.before, change.after)
+    values = [shorten_and_escape(each, MAX_SHOWN_VALUE_CHARACTERS) or "nothing" for each in texts]
+    what = f" {shorten_and_escape(change.field)}{index}" if change.field else ""
     largest = "" if math.isnan(change.largest) else f", at most {format_number(change.largest)} apart"
-    count = f"{change.n_different} of {format_count(change.n_messages, 'message')} differ"
+    verb = "differs" if 1 in (change.n_different, change.n_messages) else "differ"
+    count = f"{change.n_different} of {format_count(change.n_messages, 'message')} {verb}"
     return f"{at}:{what} was {values[0]}, is {values[1]} ({count}{largest})"
+
+
+def _most_different_element(before: str, after: str) -> tuple[str, str, str]:
+    """Return index and values of the element in which two lists of numbers differ most: two long lists look alike.
+
+    Other values come back as they are, without an index.
+    """
+    with suppress(ValueError, TypeError, RecursionError):
+        elements = [dict(_iter_indices_and_numbers(json.loads(each))) for each in (before, after)]
+        if elements[0].keys() == elements[1].keys() != {""}:
+            differences = {index: abs(value - elements[1][index]) for index, value in elements[0].items()}
+            index = max(differences, key=lambda each: (differences[each] > 0.0, differences[each]))
+            if differences[index] > 0.0:  # not where one is no number (NaN)
+                return index, json.dumps(elements[0][index]), json.dumps(elements[1][index])
+    return "", before, after
+
+
+def _iter_indices_and_numbers(value: object, index: str = "") -> Iterator[tuple[str, float]]:
+    """Yield index and value of each number in lists of lists; raise `TypeError` for anything else."""
+    if isinstance(value, list):
+        for k, each in enumerate(value):
+            yield from _iter_indices_and_numbers(each, f"{index}[{k}]")
+    elif isinstance(value, int | float):
+        yield index, value
+    else:
+        raise TypeError
 
 
 def _describe_warning(change: WarningChange, found: LogDifference) -> str:

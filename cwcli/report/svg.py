@@ -122,7 +122,7 @@ def strip_svg(
         return ""
     low, high = min(float(values.min()), 0.0), float(values.max())
     begin, end = float(axis.time_s[0]), float(axis.time_s[-1])
-    top, bottom, left, right = 18.0, STRIP_HEIGHT_PX - 16.0, 34.0, STRIP_WIDTH_PX - EMPTY_EDGE_PX
+    top, bottom, left, right = 18.0, STRIP_HEIGHT_PX - 16.0, 44.0, STRIP_WIDTH_PX - EMPTY_EDGE_PX
 
     def x_of(time_s: FloatArray) -> FloatArray:
         return left + (time_s - begin) / max(end - begin, 1e-9) * (right - left)
@@ -139,7 +139,7 @@ def strip_svg(
     for each, colour in lines:
         y = bottom - (each - low) / max(high - low, 1e-9) * (bottom - top)
         parts.append(_line_svg(np.column_stack([x_of(axis.time_s), y]), colour, 2.0))
-    parts.append(f'<text x="{left}" y="12">{title}; {axis.label}</text>')
+    parts.append(f'<text x="{EMPTY_EDGE_PX}" y="12">{title}; {axis.label}</text>')
     for y_px, value in ((top + 8, high), (bottom, low)):
         parts.append(f'<text x="{left - 4}" y="{y_px}" text-anchor="end">{_axis_number_text(value, high - low)}</text>')
     parts.append(f'<text x="{left}" y="{STRIP_HEIGHT_PX - 3}">{begin:z.1f}</text>')

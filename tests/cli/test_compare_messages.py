@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
 from pathlib import Path
@@ -10,7 +11,9 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli.main import run_command_line
+from cwcli.cli.message_texts import describe_difference_of_log
 from cwcli.errors import EXIT_DONE, EXIT_NOT_WRITTEN, EXIT_USAGE
+from cwcli.evaluation.message_changes import ChannelChange, LogDifference
 from cwcli.report.drawing import EGO_COLOUR, WARNING_COLOUR
 from tests.cli.conftest import SAMPLES
 
@@ -128,3 +131,23 @@ def test_nonsense_is_refused(
 ) -> None:
     assert run_command_line(["compare", str(runs / "a.mcap"), str(runs / "b.mcap"), *options]) == EXIT_USAGE
     assert words in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "element"),
+    [
+        ("[1.0, 2.0, 3.0]", "[1.0, 2.5, 3.25]", ("[1]", "2.0", "2.5")),  # by 0.5, and by 0.25
+        ("[[1, 2], [3, 4]]", "[[1, 2], [3, 5]]", ("[1][1]", "4", "5")),
+        ("[NaN, 1]", "[NaN, 2]", ("[1]", "1", "2")),
+        ("[NaN, 1]", "[0, 1]", ("", "[NaN, 1]", "[0, 1]")),
+        ("[1]", "[1, 2]", ("", "[1]", "[1, 2]")),
+        ("0.5", "0.6", ("", "0.5", "0.6")),
+        ("[left", "", ("", "[left", "")),
+    ],
+)
+def test_of_two_lists_the_element_that_differs_most_is_told(before: str, after: str, element: tuple[str, ...]) -> None:
+    change = ChannelChange("/t", "sigma", 10**9, before, after, 1, 2, math.nan)
+    found = LogDifference((), (change,), (), 0, 1)
+    index, was, now = element
+    line = f"first difference: /t at 1.000 s: sigma{index} was {was}, is {now or 'nothing'} (1 of 2 messages differs)"
+    assert describe_difference_of_log(found) == [line]

@@ -153,7 +153,7 @@ def test_page_has_a_card_with_figures_and_its_clip_for_each_event(
         (area,) = drawn[1].iter("rect")
         times = [float(text.text or "nan") for text in drawn[1].iter("text") if text.get("y") == "89"]
         share = -times[0] / (times[1] - times[0])
-        assert abs(float(area.get("x", "nan")) - (34 + share * 318)) < 4.0
+        assert abs(float(area.get("x", "nan")) - (44 + share * 308)) < 4.0
     assert "<script" not in page.read_text()
 
 
