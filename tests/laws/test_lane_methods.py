@@ -127,6 +127,15 @@ def test_what_was_prepared_changes_nothing(name: str) -> None:
     assert_same(with_it, method.make(0).step(given))
 
 
+@pytest.mark.parametrize("name", [name for name in methods_without_model() if METHODS[name].carry is not None])
+def test_the_lane_of_a_standing_car_is_carried_where_it_is(name: str) -> None:
+    carry, search, scene = METHODS[name].carry, METHODS[name].make(0), SCENES[0]
+    assert carry is not None
+    for number in range(N_FRAMES):
+        step(name, search, scene.grey, mounted(), number)
+    assert score(carry(search, N_FRAMES * STEP_NS, 0.0, 0.0), scene.truth).is_correct
+
+
 @pytest.mark.parametrize("size", [(32, 32), (33, 47), (320, 32), (321, 241), (641, 359), (1281, 719), (3840, 2160)])
 @every_method
 def test_a_frame_of_any_size_is_searched(name: str, size: tuple[int, int]) -> None:

@@ -27,7 +27,7 @@ COPIED = (
     "schemas",
     "docs",
     *("tests/laws", "tests/unit", "tests/cli"),
-    *("tests/work.py", "tests/conftest.py", "tests/requirements.py"),
+    *(f"tests/{path.name}" for path in (ROOT / "tests").glob("*.py")),
     "README.md",
     "CONTRIBUTING.md",
     "pyproject.toml",
