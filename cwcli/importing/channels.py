@@ -148,9 +148,9 @@ def _build_yaw_rate_channel(meaning: Meaning) -> OutputChannel:
     rows = np.isfinite(meaning.values["yaw_rate"])
     n = len(meaning.stamp_ns)
     fields = {
-        "orientation_covariance": _imu_covariances(n, is_measured=False),
+        "orientation_covariance": _unmeasured_covariances(n),
         "angular_velocity.z": meaning.values["yaw_rate"],
-        "linear_acceleration_covariance": _imu_covariances(n, is_measured=False),
+        "linear_acceleration_covariance": _unmeasured_covariances(n),
     }
     return _build_quantity_channel(meaning, IMU_TOPIC, "sensor_msgs/msg/Imu", rows, BODY_FRAME_ID, fields)
 
@@ -170,7 +170,7 @@ def _build_imu_channel(meaning: Meaning) -> OutputChannel:
     rows = np.ones(n, np.bool_)
     fields: dict[str, FloatArray] = {
         "orientation.w": np.ones(n),
-        "orientation_covariance": _imu_covariances(n, is_measured=False),
+        "orientation_covariance": _unmeasured_covariances(n),
     }
     for name, path in (("accel", "linear_acceleration"), ("gyro", "angular_velocity")):
         if f"{name}_x" in values:
@@ -178,11 +178,11 @@ def _build_imu_channel(meaning: Meaning) -> OutputChannel:
                 fields[f"{path}.{axis}"] = values[f"{name}_{axis}"]
                 rows &= np.isfinite(values[f"{name}_{axis}"])
         else:
-            fields[f"{path}_covariance"] = _imu_covariances(n, is_measured=False)
+            fields[f"{path}_covariance"] = _unmeasured_covariances(n)
     return _build_quantity_channel(meaning, IMU_TOPIC, "sensor_msgs/msg/Imu", rows, BODY_FRAME_ID, fields)
 
 
-def _imu_covariances(n: int, *, is_measured: bool) -> FloatArray:
+def _unmeasured_covariances(n: int) -> FloatArray:
     covariance = np.zeros((n, 9))
-    covariance[:, 0] = 0.0 if is_measured else UNMEASURED_COVARIANCE_FIRST_ELEMENT
+    covariance[:, 0] = UNMEASURED_COVARIANCE_FIRST_ELEMENT
     return covariance

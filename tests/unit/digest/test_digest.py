@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from cwcli.digest.digest import _reason_for_no_warnings, confidence_sentences
-from cwcli.digest.stage_sentences import stage_sentence
+from cwcli.digest.digest import _reason_for_no_warnings, confidence_sentences, stage_sentence
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
 
 
