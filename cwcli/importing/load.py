@@ -87,7 +87,10 @@ class LoadedTable:
 
 
 def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[str, list[str]]:
-    """Return the columns that can be each quantity: what the user or the format says, else by their names."""
+    """Return the columns that can be each quantity: what the user or the format says, else by their names.
+
+    Behind a column of time that the user names come the others, which can hold the time of its day or its date.
+    """
     found: dict[str, list[str]] = {}
     quantity_of_column: dict[str, str] = {}
     for quantity in COLUMN_WORDS_BY_QUANTITY:
@@ -100,6 +103,8 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
                     found=table.columns,
                     hint="--column QUANTITY=COLUMN",
                 )
+            if quantity == "time" and not column_and_unit[1] and _is_part_of_time_by_name(column_and_unit[0]):
+                continue  # it stays a date, or the year, that others complete
             found[quantity] = [column_and_unit[0]] if column_and_unit[0] else []
             if column_and_unit[0]:
                 quantity_of_column[column_and_unit[0]] = quantity
@@ -109,7 +114,8 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
         preset = table.presets.get(column)
         names = [preset.quantity] if preset is not None else quantities_of_name(column)
         for quantity in names:
-            if quantity in COLUMN_WORDS_BY_QUANTITY and answers.column_and_unit_for(table, quantity) is None:
+            decided = answers.column_and_unit_for(table, quantity)
+            if quantity in COLUMN_WORDS_BY_QUANTITY and (decided is None or (quantity == "time" and decided[0])):
                 found.setdefault(quantity, []).append(column)
     for quantity, columns in found.items():  # what the format fixes leaves no other candidate
         fixed = [column for column in columns if column in table.presets]
@@ -119,6 +125,11 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
     _drop_theta_that_is_a_pitch(table, found)
     _add_parts_of_seconds(table, found)
     return {quantity: columns for quantity, columns in found.items() if columns}
+
+
+def _is_part_of_time_by_name(column: str) -> bool:
+    """Tell whether a column is called a date or a year."""
+    return bool({"date", "year"}.intersection(quantities_of_name(column)))
 
 
 def _drop_theta_that_is_a_pitch(table: SourceTable, by_quantity: dict[str, list[str]]) -> None:
@@ -169,6 +180,8 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         InputError, DataError: As the reader.
         AmbiguousError: The decimal mark is not clear.
     """
+    if any(column and column not in table.columns for column in answers.columns_for(table)):
+        table = with_columns_of_position_pairs(table)
     candidates = candidate_columns_by_quantity(table, answers)
     if not {"latitude", "longitude"} & set(candidates):
         table = with_columns_of_position_pairs(table)
@@ -214,7 +227,7 @@ def load_table(table: SourceTable, answers: Answers) -> LoadedTable:
         _store_finished_column(loaded, column, how.get(column, "numbers"), pieces[column])
     given_units = {column: unit for column, unit in cell_units.items() if unit}
     loaded.source = replace(table, units={**given_units, **table.units})
-    _turn_digit_numbers_into_clock_times(loaded)
+    _turn_digit_numbers_into_clock_times(loaded, answers)
     _drop_text_columns(loaded, bad, answers)
     return loaded
 
@@ -250,10 +263,13 @@ def _epoch_columns_as_times_by_quantity(table: SourceTable) -> dict[str, list[st
     return {"time": found} if found else {}
 
 
-def _turn_digit_numbers_into_clock_times(loaded: LoadedTable) -> None:
+def _turn_digit_numbers_into_clock_times(loaded: LoadedTable, answers: Answers) -> None:
     """Read times of day that are written as numbers (hhmmss): beside a column of dates, or by their steps."""
     has_dates = any(times.has_date and not times.has_clock for times in loaded.text_times.values())
+    decided = answers.column_and_unit_for(loaded.source, "time")
     for column in list(loaded.instants):
+        if decided is not None and decided[1] and column == decided[0]:
+            continue
         is_clock = has_dates or is_clock_of_digits(loaded.instants[column])
         clock = times_of_day_from_digits(loaded.instants[column]) if is_clock else None
         if clock is not None and column in loaded.candidates.get("time", ()):

@@ -467,7 +467,7 @@ def find_yaw_rate(meaning: Meaning, track: TrackSpans | None) -> None:
         )
         return
     factor = FACTOR_BY_KIND_AND_UNIT["turn rate"][unit]
-    if meaning.is_decided_by_user("yaw_rate") or meaning.table.source.presets.get(column):
+    if confidence == "given" or meaning.table.source.presets.get(column):
         sense = 1.0
     elif is_shown:
         sense = 1.0 if ratio > 0 else -1.0

@@ -130,10 +130,11 @@ def interpret_times_of_table(table: LoadedTable, answers: Answers) -> Meaning:
             hint=f"--column time=NAME, one of {names}",
         )
     column_and_unit = answers.column_and_unit_for(table.source, "time")
-    coarse: list[TimeCandidate] = []
+    coarse = [each for each in candidates if not _does_time_advance(each)]
     if column_and_unit is None:
-        coarse = [each for each in candidates if not _does_time_advance(each)]
         candidates = [each for each in candidates if _does_time_advance(each)] or candidates
+    else:
+        candidates = [each for each in candidates if each.column == column_and_unit[0]] or candidates
     best = min(candidates, key=lambda each: TIME_MEANINGS_BY_USEFULNESS.index(each.rank))
     if column_and_unit is None:
         best = _prefer_candidate_without_question(candidates, best)

@@ -100,6 +100,11 @@ class Answers:
     frame_times: str = ""
     dbc: tuple[str, ...] = ()
 
+    def columns_for(self, table: SourceTable) -> list[str]:
+        """Return the columns that the user named for this table alone."""
+        names = (table.name, PurePath(table.file).name, table.part)
+        return [column for (name, _), (column, _) in self.columns.items() if name and name in names]
+
     def column_and_unit_for(self, table: SourceTable, quantity: str) -> tuple[str, str] | None:
         """Return column and unit that the user gave for a quantity of a table; None where nothing was given."""
         for name in (table.name, PurePath(table.file).name, table.part):

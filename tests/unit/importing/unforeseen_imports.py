@@ -158,6 +158,14 @@ UNFORESEEN: dict[str, Make] = {
     "gnsslogger, 1 TB of zeros": sparse("a.txt", b"# Version: v3\n# Fix,Provider,LatitudeDegrees\n", b"Fix,GPS,1\n"),
     "asc, 1 TB of zeros": with_dbc(sparse("a.asc", FRAMES.encode(), b"0.1 1 100 Rx d 1 01\n")),
     "candump, 1 TB of zeros": with_dbc(sparse("a.log", b"", b"(1.0) can0 100#00\n")),
+    "trc, 1 TB of zeros": with_dbc(
+        sparse("a.trc", b";$FILEVERSION=2.1\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n", b"1 0.1 DT 1 0100 Rx - 1 01\n")
+    ),
+    "candump on the screen, a line of 9 MB": with_dbc(
+        text(
+            "a.txt", "(1700000000.1) can0 100 [8] 01\n" * 9 + "(1700000000.1) can0 100 [8] " + "00 " * 3_000_000 + "z\n"
+        )
+    ),
     "zip, 1 TB of zeros": sparse("a.zip", b"PK\x03\x04"),
     "blf, 1 TB of zeros": with_dbc(sparse("a.blf", blf())),
     "mp4, 1 TB of zeros": with_options(
