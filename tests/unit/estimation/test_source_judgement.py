@@ -18,8 +18,12 @@ from cwcli.estimation.hypotheses.base import with_pairwise_combinations
 from cwcli.estimation.hypotheses.imu import signed_axis_rotations
 from cwcli.estimation.measurements import QUANTITY_BY_KIND, Kind, Measurements
 from cwcli.estimation.prepare import clean_and_sort_measurements_and_note
-from cwcli.estimation.source_judgement import JudgedSources, correct_and_list_user_faults, judge_sources
-from cwcli.estimation.wrong_rows import set_wrong_rows_aside_and_list_them
+from cwcli.estimation.source_judgement import (
+    JudgedSources,
+    correct_and_list_user_faults,
+    judge_sources,
+    set_wrong_rows_aside_and_list_them,
+)
 from tests.unit.estimation.made_drive import made_drive
 
 G = 9.80665
