@@ -172,7 +172,7 @@ def test_the_published_table_has_every_clause_with_its_basis_and_as_many_trials_
         assert (f"| {row[0]} |" in failures) == row[3].startswith("fail"), row[0]
         judged = [cell for cell in row[3:] if cell != "-"]
         assert judged
-        assert all(f" of {len(clause.trials)}, " in cell for cell in judged), row[0]
+        assert all(f" of {len(clause.trials)}," in f"{cell}," for cell in judged), row[0]
 
 
 def test_the_trial_of_a_cut_in_has_the_criterion_s_time() -> None:
