@@ -143,7 +143,7 @@ COLUMN_WORDS_BY_QUANTITY: dict[str, Quantity] = {
             "hour": "hour hours hr hh stunde",
             "minute": "minute minutes min mm",
             "second": "second seconds sec secs ss sekunde",
-            "millisecond": "millisecond milliseconds millisekunde ms",
+            "millisecond": "millisecond milliseconds millisekunde msec ms",
             "microsecond": "microsecond microseconds mikrosekunde micro micros usec usecs",
             "nanosecond": "nano nanosecond",
         }.items()
@@ -175,9 +175,11 @@ _WORD_PAIRS_BY_SINGLE_WORD = {
     "itow": "i tow",
     "wnc": "w nc",
     "hmsl": "h msl, h ell",
-    "gspeed": "g speed, g vel",
+    "gspeed": "g speed, g vel, g spd",
     "groundspeed": "ground speed",
-    "time": "sensor time",
+    "hhmm": "hh mm",
+    "time": "sensor time, hhmm ss",
+    "ms": "m sec",
     "gforce": "g force",
     "gfx": "g fx",
     "gfy": "g fy",
@@ -282,6 +284,8 @@ def _word_without_number_at_end(word: str) -> list[str]:
 
 def _split_words_and_unit(words: list[str]) -> tuple[list[str], str]:
     """Return the words without a unit at their end, and the unit."""
+    if words == ["m", "sec"]:  # mSec
+        return words, ""
     for n in range(min(_MAX_UNIT_WORDS_AT_NAME_END, len(words) - 1), 0, -1):
         tail = words[-n:]
         if n == 1 and tail[0] in {"second", "seconds"} and words[0] in {"utc", "gps", "gmt", "local"}:

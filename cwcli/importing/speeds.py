@@ -203,7 +203,12 @@ def _is_course_of_receiver(meaning: Meaning) -> bool:
         or meaning.is_decided_by_user("heading")
     ):
         return False
-    if "latitude" not in meaning.values or not meaning.candidate_columns("speed") or meaning.table.source.presets:
+    presets = {preset.quantity for preset in meaning.table.source.presets.values()}
+    if (
+        "latitude" not in meaning.values
+        or not meaning.candidate_columns("speed")
+        or presets - {"latitude", "longitude"}
+    ):
         return False
     if all({"gps", "gnss"} & set(meaning.words_of_column(name)) for name in meaning.candidate_columns("heading")):
         return True

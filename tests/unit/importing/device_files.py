@@ -193,6 +193,12 @@ def rostopic_imu(folder: Path) -> list[Path]:
     return write(folder, "imu.csv", ",".join(names), rows_of([NS, NS, *axes(R.turn_radps), *axes(R.force_mps2)]))
 
 
+@device("fix velocity")
+def pair_of_places_beside_a_course(folder: Path) -> list[Path]:
+    """A transmitter's telemetry: the heading is that of its receiver, arbitrary while the car stands."""
+    return write(folder, "a.csv", "Date UTC,Time UTC,GPS,GSpd(kmh),Hdg(@)", rows_of([times("%Y-%m-%d", ALL), times("%H:%M:%S.%f", ALL, cut=4), [f"{a} {o}" for a, o in zip(lat(ALL), lon(ALL), strict=True)], show(SPEED * 3.6, 1, ALL), show(R.course_deg, 1, ALL)]))
+
+
 # ---- buses
 
 

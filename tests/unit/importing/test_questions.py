@@ -11,6 +11,7 @@ import pytest
 
 from cwcli.errors import CwcliError, DataError, InputError
 from cwcli.importing.mapping import parse_table_quantity_and_column_unit
+from cwcli.importing.names import quantities_of_name
 from cwcli.importing.readers import DESCRIPTION_PLACE_BY_FILE_KIND, load_kind
 from cwcli.importing.run import ImportPlan, plan_import
 from cwcli.importing.tables import AmbiguousError, Answers
@@ -333,3 +334,24 @@ def test_accelerations_of_a_phone_without_gravity_are_no_empty_tables(tmp_path: 
 @pytest.mark.parametrize("name", DESCRIPTION_PLACE_BY_FILE_KIND)
 def test_every_kind_is_where_the_table_says(name: str) -> None:
     assert load_kind(name).summary
+
+
+@pytest.mark.parametrize(
+    ("name", "quantities"),
+    [
+        ("GSpd(kmh)", ["speed"]),
+        ("GCrs", ["course"]),
+        ("HH:MM:SS", ["time"]),
+        ("mSec", ["millisecond"]),
+        ("ms_today", ["time"]),
+        ("NedVelX", ["velocity_north"]),
+        ("EnuVelX", ["velocity_east"]),
+        ("H-Ell", ["altitude"]),
+        ("angvel_z", ["gyro_z"]),
+        ("gsensor_x_g", ["accel_x"]),
+        ("vitesse est", []),  # to the east, and no estimate
+        ("max speed", []),
+    ],
+)
+def test_name_of_a_column_says_what_it_is(name: str, quantities: list[str]) -> None:
+    assert quantities_of_name(name) == quantities
