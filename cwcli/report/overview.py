@@ -150,7 +150,8 @@ def _failure_sentences(candidates: Sequence[LogCandidate]) -> list[str]:
     for each in candidates:
         if each.entry.has_failed:
             names.setdefault(each.entry.error.get("what", "it failed"), []).append(each.entry.name)
-    if len(names) < MIN_LISTED_FAILURE_REASONS:  # the rows say it
+    n_failed = sum(map(len, names.values()))
+    if len(names) < MIN_LISTED_FAILURE_REASONS and n_failed <= MAX_DOUBTFUL_LOGS_NAMED_IN_HEADLINE:  # the rows say it
         return []
     ordered = sorted(names.items(), key=lambda item: (-len(item[1]), item[0]))
     return [

@@ -32,6 +32,15 @@ from tests.cli.fleet_logs import cut
 
 ROOT = Path(__file__).parents[2]
 MAX_RERUN_S, MAX_QUERY_S, MAX_MERGE_S, MAX_MERGE_MB, MAX_PAGE_MB, MAX_OPENING_S = 3.0, 1.0, 60.0, 300.0, 5.0, 2.0
+RUN_AND_TELL_MEMORY = """
+import sys
+from cwcli.cli.main import run_command_line
+code = run_command_line(sys.argv[1:])
+sys.stdout.flush()
+print(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")), flush=True)
+sys.exit(code)
+"""
+"""A program that runs a command and prints its greatest memory [kB]; what a parent is told holds its own memory, too."""
 QUERY = "select metric, avg(value) from '{}/metrics.parquet' where metric like 'ego.%' group by metric"
 
 
@@ -97,15 +106,15 @@ def measure_merge(folder: Path, states: dict[str, FileState], n_shards: int) -> 
 
 
 def measure(folder: Path, *arguments: str) -> tuple[float, float]:
-    """Run a command, print its processor and elapsed seconds; return the former, and the greatest memory so far, MB."""
+    """Run a command, print its processor and elapsed seconds; return the former, and its greatest memory, MB."""
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
-    done = subprocess.run([sys.executable, "-m", "cwcli", *arguments], check=False, cwd=folder, capture_output=True)
+    done = subprocess.run([sys.executable, "-c", RUN_AND_TELL_MEMORY, *arguments], cwd=folder, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     print(f"cwcli {' '.join(arguments)}: exit {done.returncode}, {cpu_s:.2f} s processor,", end=" ")
-    print(f"{time.monotonic() - begin:.2f} s, at most {after.ru_maxrss / 1000:.0f} MB")
-    print("\n".join((done.stdout + done.stderr).decode().splitlines()[-3:]))
-    return cpu_s, after.ru_maxrss / 1000
+    *said, memory_kb = (done.stderr + done.stdout).decode().splitlines()
+    print(f"{time.monotonic() - begin:.2f} s, at most {int(memory_kb) / 1000:.0f} MB", *said[-3:], sep="\n")
+    return cpu_s, int(memory_kb) / 1000
 
 
 def open_page(page: Path, folder: Path) -> float:

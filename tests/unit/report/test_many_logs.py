@@ -57,6 +57,19 @@ def test_the_worst_logs_come_first_and_failures_are_grouped(run: Path, monkeypat
     assert "1 doubt" in page and "The speed is in km/h &lt;b&gt;." in page
 
 
+@pytest.mark.parametrize(("n_failed", "is_said"), [(3, False), (4, True)])
+def test_one_reason_is_said_where_more_logs_failed_than_are_named(
+    run: Path, monkeypatch: pytest.MonkeyPatch, n_failed: int, is_said: bool
+) -> None:
+    monkeypatch.setattr(build, "MAX_LONG_PAGE_BYTES", 0)
+    manifest = json.loads((run / "manifest.json").read_text())
+    for k in range(7, 7 + max(n_failed, 3)):
+        manifest["logs"][k] |= {"status": "failed", "error": {"what": "no position"}}
+    (run / "manifest.json").write_text(json.dumps(manifest))
+    sentence = f"{n_failed} logs failed: no position (drive_0007, drive_0008, drive_0009, ...)."
+    assert (sentence in build_report(str(run)).html.decode()) == is_said
+
+
 def test_a_row_of_many_is_small(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build, "MAX_LONG_PAGE_BYTES", 0)
     table = build_report(str(run)).html.decode().partition('class="wide logs"')[2].partition("</table>")[0]
