@@ -20,9 +20,11 @@ LANE_WIDTH_M = 3.5
 PRINCIPAL_OTHER_VEHICLE_NAME = "other"
 """Name of the principal other vehicle in a scene."""
 STEADY_TIME_BEFORE_EVENT_S = 5.0
-"""Time of steady driving before the event, s, in which the filters settle. Chosen by hand: their start takes 1 s."""
-APPROACH_START_TTC_S = 7.0
-"""Time to collision at which an approach begins, s. Chosen by hand: longer than every published time to collision."""
+"""Time of steady driving before the event, s, in which the filters settle. Chosen by hand: until then the heading of a
+car that has just started is known to half a degree only, which is a metre at the place of a contact 3.5 s ahead."""
+APPROACH_START_TTC_S = 7.0 + STEADY_TIME_BEFORE_EVENT_S
+"""Time to collision at which an approach begins, s. Chosen by hand: the filters have settled 7 s before the contact,
+which is longer than every published time to collision."""
 SCENE_TIME_AFTER_CONTACT_S = 1.0
 """Time that a scene goes on after the contact, s. Chosen by hand."""
 DEFAULT_DECELERATION_BUILD_UP_TIME_S = 0.5

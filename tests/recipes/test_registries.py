@@ -119,7 +119,7 @@ def test_a_clause_is_listed_judged_and_held_to_its_source(built: Built) -> None:
     told = json.loads(house.run("conform", "house-fcw", "--json", "--jobs", "1", "--horizon", "5"))
     (clause,) = told["clauses"]
     assert (clause["outcome"], clause["trials"][0]["required"]) == ("pass", 2)
-    # 140 m at 20 m/s: half of the way is left 3.5 s before the contact, and the rule looks 5 s ahead at most
+    # 240 m at 20 m/s: 0.3 of the way is left 3.6 s before the contact, and the rule looks 5 s ahead at most
     assert 0.0 < clause["trials"][0]["repetitions"][0]["margin"] < 1.5
     house.python("-m", "tools.conformance", "house-fcw")
     assert "| house-fcw | as published | 3 | " in (house.folder / "docs/conformance.md").read_text()

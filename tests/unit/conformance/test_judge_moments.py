@@ -10,13 +10,15 @@ import pytest
 from cwcli.conformance.clause import Trial, clause_names, load_clause, require_judge_module
 from cwcli.conformance.lane_trials import DRIFT_START_S, simulate_lane_trial
 from cwcli.conformance.run import ConformConfig, run_trial
-from cwcli.conformance.scenes import APPROACH_START_TTC_S, LANE_WIDTH_M
+from cwcli.conformance.scenes import LANE_WIDTH_M
 from cwcli.conformance.verdict import DrivenTrial, JudgedMotion, RaisedWarning, Verdict
 
 TRUTH_STEP_S = 0.01
 """Step of the true motion, s: the moments are as good as that."""
 LEAD_BRAKES_S = 5.0
 """When the lead begins to brake in a trial, s, as `cwcli.conformance.scenes` drives it."""
+APPROACH_S = 12.0
+"""How long an approach takes that names no time, s, as `cwcli.conformance.scenes` drives it."""
 SURE_BRAKING_MPS2 = 7.0
 """Braking that the car surely reaches, m/s^2. Chosen by hand, below what friction allows on a dry road."""
 SURE_BUILD_UP_S = 0.5
@@ -79,7 +81,7 @@ def closed_form_window_s(trial: Trial, contact_s: float) -> tuple[float, float]:
     """Earliest and latest warning, s of the trial, from its numbers; of a contact that braking avoids, a sure one."""
     given, demands = trial.given, trial.demands
     if trial.scene == "approach":
-        contact_s = given.get("approach_time", APPROACH_START_TTC_S)
+        contact_s = given.get("approach_time", APPROACH_S)
     if trial.scene == "braking-lead":
         decel, ramp_s = given["deceleration"], given.get("ramp_time", LEAD_RAMP_S)
         # the way lost by a ramp of r and then a constant a is a s^2 / 2 + a r^2 / 24, s = t - r / 2

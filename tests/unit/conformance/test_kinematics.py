@@ -11,12 +11,14 @@ from cwcli.conformance.clause import clause_names, load_clause
 from cwcli.conformance.encounter import Encounter, time_to_close_gap_s
 from cwcli.conformance.lane_trials import simulate_lane_trial
 from cwcli.conformance.online import build_trial_scenario, true_encounter
-from cwcli.conformance.scenes import APPROACH_START_TTC_S, LANE_WIDTH_M, SCENES, build_standing_radar_target
+from cwcli.conformance.scenes import LANE_WIDTH_M, SCENES, build_standing_radar_target
 from cwcli.errors import UsageError
 from cwcli.simulation.drive import simulate_scenario
 
 MPH = 0.44704
 ATOL_M = 1e-6
+APPROACH_S = 12.0
+"""How long an approach takes that names no time, s: 5 s in which the filters settle, and 7 s."""
 ATOL_S = 2e-3
 """The truth has a step of 10 ms and is linear between; times are as good as that."""
 
@@ -90,9 +92,9 @@ def test_a_cut_out_reveals_the_standing_vehicle_at_its_time_to_collision() -> No
 
 def test_a_crossing_hits_the_middle_of_the_front() -> None:
     encounter = drive("crossing", host_speed=10.0, other_speed=1.39, other_length=0.5, other_width=0.5)
-    assert at(encounter, encounter.lateral_offset_m, 7.0) == pytest.approx(0.0, abs=ATOL_M)
+    assert at(encounter, encounter.lateral_offset_m, APPROACH_S) == pytest.approx(0.0, abs=ATOL_M)
     # its own depth is 0.5 m across the host's way: contact half of both extents before the centres meet
-    assert encounter.contact_s == pytest.approx(7.0 - (2.25 + 0.25) / 10.0, abs=ATOL_S)
+    assert encounter.contact_s == pytest.approx(APPROACH_S - (2.25 + 0.25) / 10.0, abs=ATOL_S)
 
 
 def test_an_oncoming_vehicle_closes_with_both_speeds() -> None:
@@ -136,7 +138,7 @@ def test_the_curves_with_a_parked_car_begin_before_every_warning_of_a_standing_c
         encounter = drive("parked-in-curve", **trial.given)
         ttc_s = (math.sqrt(2.0 * trial.given["radius"] * beside_m) - 0.5 * 4.5) / speed
         # the curvature is built up in half a second, which delays the curve by a quarter
-        assert at(encounter, encounter.ttc_s, 7.0 + 0.25) == pytest.approx(ttc_s, abs=ATOL_S)
+        assert at(encounter, encounter.ttc_s, APPROACH_S + 0.25) == pytest.approx(ttc_s, abs=ATOL_S)
         assert ttc_s > 0.8 + speed / (2.0 * 4.0)
 
 
@@ -251,7 +253,7 @@ def test_every_approach_braking_lead_and_crossing_of_a_clause_has_its_closed_for
             continue
         encounter, speed = drive(trial.scene, **given), given["host_speed"]
         if trial.scene == "approach":
-            contact_s, offset_m = given.get("approach_time", APPROACH_START_TTC_S), given.get("lateral_offset", 0.0)
+            contact_s, offset_m = given.get("approach_time", APPROACH_S), given.get("lateral_offset", 0.0)
             assert encounter.gap_m[0] == pytest.approx((speed - given.get("other_speed", 0.0)) * contact_s, abs=1e-6)
             assert encounter.lateral_offset_m == pytest.approx(offset_m, abs=1e-6)
             if abs(offset_m) > (1.8 + given.get("other_width", 1.8)) / 2:  # it is passed
@@ -264,7 +266,7 @@ def test_every_approach_braking_lead_and_crossing_of_a_clause_has_its_closed_for
                 since_s = (gap + speed**2 / (2.0 * decel) + speed * ramp / 2 - ramp_m) / speed
             contact_s = 5.0 + since_s
             assert encounter.gap_m[0] == pytest.approx(gap, abs=1e-6)
-        else:  # both outlines are over the crossing until the centres meet at 7 s
+        else:  # both outlines are over the crossing until the centres meet
             length_m, width_m = given.get("other_length", 4.5), given.get("other_width", 1.8)
-            contact_s = 7.0 - min((2.25 + width_m / 2) / speed, (0.9 + length_m / 2) / given["other_speed"])
+            contact_s = APPROACH_S - min((2.25 + width_m / 2) / speed, (0.9 + length_m / 2) / given["other_speed"])
         assert encounter.contact_s == pytest.approx(contact_s, abs=0.02, nan_ok=True), trial.name

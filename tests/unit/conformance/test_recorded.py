@@ -116,7 +116,7 @@ def test_a_lead_off_the_lane_s_middle_makes_the_trial_not_valid(tmp_path: Path) 
 
 
 def test_a_subject_that_brakes_before_the_warning_makes_the_trial_not_valid(tmp_path: Path) -> None:
-    braking = [{"from_s": 0, "accel_mps2": 0}, {"from_s": 3.0, "accel_mps2": -2.0, "jerk_mps3": 10.0}]
+    braking = [{"from_s": 0, "accel_mps2": 0}, {"from_s": 8.0, "accel_mps2": -2.0, "jerk_mps3": 10.0}]
     result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0, {"host": {"longitudinal": braking}}), CONFIG)
     assert outcomes(result) == {"lead vehicle stopped": NOT_VALID}
     assert any(breach.startswith("subject onset -2.") for breach in breaches(result))
@@ -146,7 +146,7 @@ def test_a_lead_at_another_speed_or_gap_makes_the_trial_not_valid(
 
 
 def test_a_driver_who_reacts_to_the_warning_does_not_spoil_the_trial(tmp_path: Path) -> None:
-    braking = [{"from_s": 0, "accel_mps2": 0}, {"from_s": 5.2, "accel_mps2": -7.0, "jerk_mps3": 30.0}]
+    braking = [{"from_s": 0, "accel_mps2": 0}, {"from_s": 10.2, "accel_mps2": -7.0, "jerk_mps3": 30.0}]
     result = judge_log(CLAUSE, write_trial(tmp_path / "a.mcap", 0, {"host": {"longitudinal": braking}}), CONFIG)
     assert outcomes(result) == {"lead vehicle stopped": PASSED}, breaches(result)
 
@@ -159,7 +159,7 @@ def test_a_drive_that_is_no_trial_is_refused_with_what_was_found(tmp_path: Path)
 
 
 def test_two_vehicles_that_could_be_the_lead_are_named(tmp_path: Path) -> None:
-    second = {"second": {"speed_mps": 0, "x_m": 130.0, "station_id": "0badcafe"}}
+    second = {"second": {"speed_mps": 0, "x_m": 230.0, "station_id": "0badcafe"}}
     change = {**second, "other": {"station_id": "00c0ffee"}}
     place = write_trial(tmp_path / "a.mcap", 0, change)
     with pytest.raises(MissingSignalError, match="several vehicles") as caught:
@@ -185,14 +185,14 @@ def test_a_window_that_ends_before_it_begins_is_refused(tmp_path: Path) -> None:
 def test_a_window_that_begins_after_the_last_moment_of_a_warning_is_refused(tmp_path: Path) -> None:
     place = write_trial(tmp_path / "a.mcap", 0)
     with pytest.raises(DataError, match="lead vehicle stopped: its record is too short") as caught:
-        judge_log(CLAUSE, LogTrial(place.name, start_s=6.5), CONFIG)
+        judge_log(CLAUSE, LogTrial(place.name, start_s=11.5), CONFIG)
     assert caught.value.found[1] == "even at the trial's start, a warning would be too late"
 
 
 def test_a_record_that_ends_before_the_warning_is_due_is_refused(tmp_path: Path) -> None:
     place = write_trial(tmp_path / "a.mcap", 0)
     with pytest.raises(DataError, match="lead vehicle stopped: its record ends before the warning is due"):
-        judge_log(CLAUSE, LogTrial(place.name, end_s=3.0), CONFIG)
+        judge_log(CLAUSE, LogTrial(place.name, end_s=8.0), CONFIG)
 
 
 def test_warnings_of_another_rule_or_horizon_are_refused(tmp_path: Path) -> None:
@@ -233,16 +233,16 @@ def test_a_failed_recording_fails(tmp_path: Path) -> None:
     assert outcomes(result) == {"lead vehicle stopped": FAILED}  # nobody brakes hard, so that rule never warns
 
 
-@pytest.mark.parametrize(("raised_s", "outcome"), [(4.5, PASSED), (5.2, FAILED)])
+@pytest.mark.parametrize(("raised_s", "outcome"), [(9.5, PASSED), (10.2, FAILED)])
 def test_another_system_is_judged_by_its_flag(tmp_path: Path, raised_s: float, outcome: str) -> None:
-    """2.1 s from contact is 4.9 s after the start."""
+    """2.1 s from contact is 9.9 s after the start."""
     place = write_trial(tmp_path / "a.mcap", 0)
-    flagged = add_flag(Path(place.name), raised_s, 8.0)
+    flagged = add_flag(Path(place.name), raised_s, 13.0)
     result = judge_log(CLAUSE, LogTrial(str(flagged), system="/adas/fcw:data==true"), CONFIG)
     assert outcomes(result) == {"lead vehicle stopped": outcome}, breaches(result)
     verdict = result.trials_with_repetitions[0].repetitions[0].verdict
     assert verdict is not None
-    assert verdict.margin == pytest.approx(4.9 - raised_s, abs=0.1)
+    assert verdict.margin == pytest.approx(9.9 - raised_s, abs=0.1)
 
 
 def test_a_flag_that_is_always_set_is_no_warning_and_the_digest_says_so(tmp_path: Path) -> None:
