@@ -163,7 +163,7 @@ def _path_shapes(frames: PathFrames, row: int) -> list[ImageShape]:
     if len(band) > 2:
         shapes.append(ImageShape(LINE_LOOP, band, (*PATH_RGB, 0.0), (*PATH_RGB, BAND_OPACITY), 1.0))
     for name, alpha in OPACITY_BY_PATH_LINE.items():
-        points = lines.line_points_in_image(name)
+        points = lines.visible_points_of_line(name)
         if len(points) > 1:
             thickness = thin if name == "centre" else thin / 2
             shapes.append(ImageShape(LINE_STRIP, points, (*PATH_RGB, alpha), TRANSPARENT_RGBA, thickness))

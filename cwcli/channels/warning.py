@@ -27,7 +27,7 @@ LOG_LEVEL_INFO, LOG_LEVEL_WARNING = 2, 3
 """The levels of log messages: values of `foxglove.Log.Level`."""
 WARNING_FIELDS = tuple(field.name for field in fields(WarningRows) if field.name != "log_time_ns")
 """Fields of the message, which have the names of the rows' columns."""
-WARNING_EVENT_FIELDS = tuple(name for name in WARNING_FIELDS if name not in ("host_id", "message"))
+WARNING_FIELDS_FOR_EVENTS = tuple(name for name in WARNING_FIELDS if name not in ("host_id", "message"))
 """Fields from which events are collected: all but the host's id and the text."""
 
 
@@ -75,7 +75,7 @@ def read_warnings(columns: Columns) -> WarningRows:
     """Read the warnings of a channel, in log-time order; unknown values are NaN, absent, or without a state.
 
     Args:
-        columns: The channel; for events its fields `WARNING_EVENT_FIELDS` are enough.
+        columns: The channel; for events its fields `WARNING_FIELDS_FOR_EVENTS` are enough.
     """
     absent = absent_strings(len(columns))
     stamp_ns = read_integers(columns, "stamp_ns")[0]

@@ -13,7 +13,7 @@ from cwcli.channels.published import EGO_STATE, LANES, REJECTED, REMOTE_STATE, T
 from cwcli.channels.rejected import read_gated_measurements
 from cwcli.channels.target import read_targets_as_states
 from cwcli.channels.vehicle_state import KINEMATIC_AND_FLAG_FIELDS, KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
-from cwcli.channels.warning import WARNING_EVENT_FIELDS, read_warnings
+from cwcli.channels.warning import WARNING_FIELDS_FOR_EVENTS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
 from cwcli.estimation.result import NO_GATED_MEASUREMENTS, GatedMeasurements
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
@@ -130,7 +130,7 @@ SHOWN_FIELDS_BY_TOPIC: Mapping[str, tuple[str, ...] | None] = {
     EGO_STATE.topic: None,
     REMOTE_STATE.topic: KINEMATIC_FIELDS,
     TARGETS.topic: None,
-    WARNINGS.topic: WARNING_EVENT_FIELDS,
+    WARNINGS.topic: WARNING_FIELDS_FOR_EVENTS,
     LANES.topic: None,
     REJECTED.topic: None,
 }
@@ -139,7 +139,7 @@ STORY_FIELDS_BY_TOPIC: Mapping[str, tuple[str, ...] | None] = {
     EGO_STATE.topic: KINEMATIC_AND_FLAG_FIELDS,
     REMOTE_STATE.topic: KINEMATIC_FIELDS,
     TARGETS.topic: None,
-    WARNINGS.topic: WARNING_EVENT_FIELDS,
+    WARNINGS.topic: WARNING_FIELDS_FOR_EVENTS,
 }
 """The channels from which a story with warnings is told, and their fields."""
 

@@ -29,7 +29,7 @@ degree of longitude at 48 degrees north, the coarsest in which receivers send.""
 MIN_EQUAL_ROWS_OF_UNCHANGING_AXIS = 20
 """Least number of equal neighbours of such an axis. Chosen by hand; not fitted."""
 MIN_NOISE_ON_CHANGING_AXIS_M = 0.05
-"""Least noise on the other axis, m: the least of a position in `QUANTITIES`. Fixes of a simulator have less."""
+"""Least noise on the other axis, m: the least of a position in `QUANTITY_BY_KIND`. Fixes of a simulator have less."""
 ROUNDED_FIX_VARIANCE_IN_SQUARED_STEPS = 1.0 / 12.0 + 1.0 / 8.0
 """Variance of the error in squared steps: uniform in one step, and half a step to one side if the value is cut, which
 has the prior probability 1/2."""

@@ -182,7 +182,7 @@ def find_imu_unit_sign_or_axis_fault(
     if hypothesis is None or best.total < MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS:
         return None
     yaw_rival = max(each.total for each in faults if each.signed_yaw_axis_and_unit != best.signed_yaw_axis_and_unit)
-    forward_rival = max(each.total for each in faults if not _has_same_forward_axis(each, best, accel_units))
+    forward_rival = max(each.total for each in faults if not _reads_same_forward_acceleration(each, best, accel_units))
     if best.total - yaw_rival < MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT:
         return None
     # A mirrored map makes both the turns and the lateral acceleration of a right IMU seem reversed.
@@ -197,7 +197,7 @@ def find_imu_unit_sign_or_axis_fault(
     )
 
 
-def _has_same_forward_axis(one: _ImuFault, other: _ImuFault, units: Sequence[float]) -> bool:
+def _reads_same_forward_acceleration(one: _ImuFault, other: _ImuFault, units: Sequence[float]) -> bool:
     """Whether two combinations read nearly the same forward acceleration; 1 mg and 1 cm/s^2 differ by 2 %."""
     ratio = units[one.accel_unit] / units[other.accel_unit]
     return (

@@ -30,7 +30,7 @@ MAX_FRESH_MESSAGE_AGE_S = 0.3
 """A sender's message of at most this age is as recent as the object, s; so is one after the object's moment before.
 
 Chosen as the period of slow senders; not fitted."""
-SENDER_OFFSET_WINDOW_S = 2.0
+SENDER_OFFSET_AVERAGING_TIME_S = 2.0
 """Duration of the moments that are averaged, s. Chosen by hand; not fitted."""
 MIN_MOMENTS_FOR_OFFSET = 3
 """Least number of moments over which the offset of a sender is averaged. Chosen by hand; not fitted."""
@@ -231,7 +231,9 @@ def _sender_and_overlap_masks_with_distance(
     begins[1:] = is_gap | ~agrees[1:] | ~agrees[:-1]
     received_ns = log_time_ns[compared.rows]
     first = np.maximum.accumulate(np.where(begins, np.arange(n), 0))
-    first = np.maximum(first, np.searchsorted(received_ns, received_ns - round(SENDER_OFFSET_WINDOW_S * NS_PER_S)))
+    first = np.maximum(
+        first, np.searchsorted(received_ns, received_ns - round(SENDER_OFFSET_AVERAGING_TIME_S * NS_PER_S))
+    )
     counts = np.arange(1, n + 1) - first
 
     def moving_mean(values: FloatArray) -> FloatArray:

@@ -17,7 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.published import OWN_TOPIC_PREFIX, WARNINGS, schema_name_by_published_topic
-from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events_with_known_start
+from cwcli.channels.warning import (
+    WARNING_FIELDS_FOR_EVENTS,
+    WarningEvent,
+    read_warnings,
+    warning_events_with_known_start,
+)
 from cwcli.errors import CwcliError
 from cwcli.evaluation.setting_changes import SettingChange, compare_settings
 from cwcli.lazy_dataclass import dataclass
@@ -333,4 +338,4 @@ def _read_warning_events_or_empty(log: Log) -> Sequence[WarningEvent]:
     """Return the warnings of a log; none where no rule has run."""
     if all(channel.topic != WARNINGS.topic for channel in log.channels):
         return ()
-    return warning_events_with_known_start(read_warnings(log.columns(WARNINGS.topic, WARNING_EVENT_FIELDS)))
+    return warning_events_with_known_start(read_warnings(log.columns(WARNINGS.topic, WARNING_FIELDS_FOR_EVENTS)))

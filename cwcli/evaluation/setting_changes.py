@@ -85,13 +85,13 @@ def _read_settings(record: Record, *, with_constants: bool) -> dict[str, Any]:
     found = {"version": record.get("version", ""), **read_configuration(record)}
     if CALIBRATION_KEY in record:
         text = record[CALIBRATION_KEY]
-        found[CALIBRATION_KEY] = _read_constants(text) if with_constants else "constants from a file"
+        found[CALIBRATION_KEY] = _calibration_entries_or_text(text) if with_constants else "constants from a file"
     if VEHICLE_RECORD_KEY in record:
         found[VEHICLE_RECORD_KEY] = parse_json_entry_or_empty(record, VEHICLE_RECORD_KEY, dict)
     return found
 
 
-def _read_constants(text: str) -> Any:
+def _calibration_entries_or_text(text: str) -> Any:
     """Return what the stages use of a calibration file; its text if it is no TOML."""
     try:
         return _keep_entries_that_stages_use(parse_toml(text))

@@ -275,6 +275,7 @@ def _interpolate_at_ns(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArr
 def covariances_nearest_in_time(at_ns: Int64Array, states: Track | VehicleStates) -> FloatArray:
     """Return the covariances (n, 8, 8) of the states nearest in time; the states are in stamp order."""
     stamp_ns = states.stamp_ns
-    after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, max(len(stamp_ns) - 1, 1))
+    last = len(stamp_ns) - 1
+    after = np.clip(np.searchsorted(stamp_ns, at_ns), min(1, last), last)
     nearest = np.where(at_ns - stamp_ns[after - 1] < stamp_ns[after] - at_ns, after - 1, after)
     return np.asarray(states.covariance[nearest], np.float64)

@@ -7,7 +7,12 @@ from collections.abc import Mapping, Sequence
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS, WARNINGS
 from cwcli.channels.vehicle_state import driven_distance_m
-from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events_with_known_start
+from cwcli.channels.warning import (
+    WARNING_FIELDS_FOR_EVENTS,
+    WarningEvent,
+    read_warnings,
+    warning_events_with_known_start,
+)
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes, read_actual_tracks
 from cwcli.evaluation.conflicts import judge_warning
 from cwcli.evaluation.evaluation_context import EvaluationContext
@@ -142,7 +147,7 @@ def add_metrics(context: EvaluationContext) -> None:
     if all(channel.topic != WARNINGS.topic for channel in log.channels):
         return
     records = read_run_records(log)
-    events = warning_events_with_known_start(read_warnings(log.columns(WARNINGS.topic, WARNING_EVENT_FIELDS)))
+    events = warning_events_with_known_start(read_warnings(log.columns(WARNINGS.topic, WARNING_FIELDS_FOR_EVENTS)))
     rules = _rule_names_from_records(records)
     if LANE_DEPARTURE in rules:
         headline.add_count("warnings.lane_departure_count", sum(event.rule == LANE_DEPARTURE for event in events))

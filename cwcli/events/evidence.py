@@ -13,7 +13,12 @@ from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.channels.lanes import BOUNDARY_SIDES
 from cwcli.channels.published import EGO_STATE, LANES, WARNINGS
 from cwcli.channels.vehicle_state import VehicleStates
-from cwcli.channels.warning import WARNING_EVENT_FIELDS, WarningEvent, read_warnings, warning_events_with_known_start
+from cwcli.channels.warning import (
+    WARNING_FIELDS_FOR_EVENTS,
+    WarningEvent,
+    read_warnings,
+    warning_events_with_known_start,
+)
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes
 from cwcli.evaluation.system_topics import OtherSystemTopics
@@ -161,7 +166,9 @@ class EventEvidence:
             MissingSignalError: No warning rule has run on the log.
         """
         self._require_topic(WARNINGS.topic, "warnings", "warn")
-        return warning_events_with_known_start(read_warnings(self.log.columns(WARNINGS.topic, WARNING_EVENT_FIELDS)))
+        return warning_events_with_known_start(
+            read_warnings(self.log.columns(WARNINGS.topic, WARNING_FIELDS_FOR_EVENTS))
+        )
 
     @cached_property
     def outcomes(self) -> ActualOutcomes | None:

@@ -24,6 +24,7 @@ from typing import Any
 from cwcli.errors import InputError, OutputError
 from cwcli.input import remember_input_file
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.read.recording import names_of_entries
 from cwcli.output import open_output
 from cwcli.version import __version__
 
@@ -357,5 +358,4 @@ def iter_recorded_log_ids(out: Path) -> Iterator[str]:
     """Yield the ids of the logs that have a folder, sorted."""
     logs = out / LOGS_FOLDER
     if logs.is_dir():
-        with os.scandir(logs) as entries:
-            yield from sorted([each.name for each in entries if each.is_dir()])
+        yield from sorted(names_of_entries(logs, os.DirEntry.is_dir))

@@ -12,7 +12,7 @@ from pathlib import Path
 from cwcli.errors import OutputError, UsageError
 from cwcli.input import RealPaths
 from cwcli.logs.read.read_bounds import ReadBounds
-from cwcli.logs.read.recording import METADATA_FILE_NAME, is_recording_folder, log_names_in_folder
+from cwcli.logs.read.recording import METADATA_FILE_NAME, is_recording_folder, log_names_in_folder, names_of_entries
 from cwcli.logs.read.remote import (
     FILE_SCHEME,
     file_names_below_url,
@@ -85,8 +85,7 @@ def _logs_in_folder(argument: str, folder: Path) -> list[str]:
     if is_recording_folder(folder):
         return [argument]
     names = log_names_in_folder(folder)
-    with os.scandir(folder) as entries:
-        names += [each.name for each in entries if each.is_dir() and is_recording_folder(folder / each.name)]
+    names += [each for each in names_of_entries(folder, os.DirEntry.is_dir) if is_recording_folder(folder / each)]
     names.sort()
     if names:
         return [f"{argument.rstrip('/')}/{name}" for name in names]

@@ -35,7 +35,7 @@ from cwcli.fleet.table_schemas import (
     has_nested_column,
     unify_schemas,
 )
-from cwcli.metrics.table import ArrowSink
+from cwcli.metrics.table import ArrowFileInterface
 from cwcli.output import AtomicGroup, make_folder, open_output
 
 if TYPE_CHECKING:
@@ -257,7 +257,7 @@ class _TableWriter:
             metadata={**(schema.metadata or {}), **common},
         )
         output = stack.enter_context(open_output(path, force=True, durable=False, together=together))
-        sink = stack.enter_context(pa.PythonFile(ArrowSink(output), "w"))
+        sink = stack.enter_context(pa.PythonFile(ArrowFileInterface(output), "w"))
         self._writer = stack.enter_context(parquet.ParquetWriter(sink, self._schema, compression="zstd"))
         self._pending: list[pa.Table] = []  # blocks in order
         self._pieces: list[RowsPiece] = []  # after the blocks

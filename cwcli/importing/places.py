@@ -302,7 +302,7 @@ def _find_local_positions(meaning: Meaning) -> None:
     if grid := parse_utm_zone_or_none(meaning.stated_unit("x", x).unit):
         _find_positions_in_utm_grid(meaning, x, y, grid)
         return
-    if _ask_if_grid(meaning, x, y):
+    if _ask_for_zone_if_grid(meaning, x, y):
         return
     for quantity, column in (("x", x), ("y", y)):
         choice = meaning.stated_unit(quantity, column).usual_unit_where_unknown("m", "positions are usually in m")
@@ -330,7 +330,7 @@ def _find_local_positions(meaning: Meaning) -> None:
     meaning.track = spans_of_map_points(meaning.stamp_ns[finite], values["x"][finite], values["y"][finite])
 
 
-def _ask_if_grid(meaning: Meaning, x: str, y: str) -> bool:
+def _ask_for_zone_if_grid(meaning: Meaning, x: str, y: str) -> bool:
     """Ask for the zone where x and y count from the origin of a grid, and nobody said that they may stay so."""
     if meaning.stated_unit("x", x).confidence == "given":
         return False

@@ -203,7 +203,7 @@ def _find_quantities_of_all_tables(meanings: Sequence[Meaning]) -> None:
         if not meaning.questions:
             require_rows_of_one_recording(meaning)
             find_positions_and_track(meaning)
-            _add_quaternion_quantities_beside_x_y(meaning)
+            _add_orientation_quaternion_of_pose(meaning)
             rotate_poses_into_car_axes(meaning)
     accelerations = acceleration_table_by_turn_rate_table(meanings)
     paired = {each.name for each in accelerations.values()}
@@ -240,7 +240,7 @@ def _add_steering_if_user_gave_unit(meaning: Meaning) -> None:
         )
 
 
-def _add_quaternion_quantities_beside_x_y(meaning: Meaning) -> None:
+def _add_orientation_quaternion_of_pose(meaning: Meaning) -> None:
     """Take a quaternion beside x and y as the orientation of the pose."""
     if "x" not in meaning.values:
         return

@@ -196,11 +196,11 @@ def write_table(
 
     check_table_file_name(target)
     opened = open_output(target, force=force, durable=durable, together=together)
-    with opened as output, pa.PythonFile(ArrowSink(output), "w") as sink:
+    with opened as output, pa.PythonFile(ArrowFileInterface(output), "w") as sink:
         write_table_to_sink(table, sink, Path(target).suffix.lower())
 
 
-class ArrowSink:
+class ArrowFileInterface:
     """An output with the file interface of Arrow, which writes one column of a row group at a time."""
 
     closed = False

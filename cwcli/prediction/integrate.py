@@ -89,7 +89,7 @@ class _DiscretisedModel:
     def speed_and_heading_responses_at_times(self, moving_s: FloatArray) -> Responses:
         """The responses at times of shape (1 or m, ...)."""
         if self.is_paper:
-            return _song2016_responses_at_times(self.model, moving_s, self.time_s)
+            return _song2016_speed_and_heading_responses(self.model, moving_s, self.time_s)
         if self.acting_s is not None:
             none = np.zeros_like(moving_s)
             return Responses(
@@ -295,12 +295,12 @@ def _integrate_steps(
     )
 
 
-def _song2016_responses_at_times(model: Model, moving: FloatArray, time_s: FloatArray) -> Responses:
+def _song2016_speed_and_heading_responses(model: Model, moving_s: FloatArray, time_s: FloatArray) -> Responses:
     """Responses of eq. 10's recursion, v_n = v0 + a0 n dT + j0 dT^2 n (n-1)/2, linear inside the steps."""
     step = time_s[1] - time_s[0]
-    whole = np.floor(moving / step + 1e-9)
-    second = step**2 * whole * (whole - 1.0) / 2.0 + whole * step * (moving - whole * step)
-    return _zero_unused_responses(model, Responses(moving, second, moving, second))
+    whole = np.floor(moving_s / step + 1e-9)
+    second = step**2 * whole * (whole - 1.0) / 2.0 + whole * step * (moving_s - whole * step)
+    return _zero_unused_responses(model, Responses(moving_s, second, moving_s, second))
 
 
 def _song2016_mean_responses_of_steps(model: Model, width: FloatArray, time_s: FloatArray) -> Responses:

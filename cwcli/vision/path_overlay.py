@@ -68,7 +68,7 @@ class PathLines:
     points: FloatArray
     in_image_mask: BoolArray
 
-    def line_points_in_image(self, name: str) -> FloatArray:
+    def visible_points_of_line(self, name: str) -> FloatArray:
         """The points of the line of this name that lie in the image, shape (m, 2)."""
         index = PATH_LINE_NAMES.index(name)
         points: FloatArray = self.points[index][self.in_image_mask[index]]

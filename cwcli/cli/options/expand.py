@@ -52,7 +52,7 @@ def expand_dataclass_parameters(
             parameters.append(
                 _keyword_parameter(
                     name,
-                    _hint_with_changed_option(hint, [_hint_with_environment_variable(ENVIRONMENT_PREFIX, name)]),
+                    _hint_with_changed_option(hint, [_change_that_sets_environment_variable(ENVIRONMENT_PREFIX, name)]),
                     default,
                 )
             )
@@ -93,16 +93,16 @@ def _fields_as_parameters(kind: type[Any], command: str) -> list[tuple[str, insp
         changes: list[_OptionChange] = []
         if stage is None:
             if hasattr(kind, "heading"):
-                changes.append(_hint_with_help_heading(kind.heading))
+                changes.append(_change_that_sets_help_heading(kind.heading))
             name = field.name
-            changes.append(_hint_with_environment_variable(ENVIRONMENT_PREFIX, field.name))
+            changes.append(_change_that_sets_environment_variable(ENVIRONMENT_PREFIX, field.name))
         else:
-            changes.append(_hint_with_help_heading("Options" if stage == command else f"Stage {stage}"))
+            changes.append(_change_that_sets_help_heading("Options" if stage == command else f"Stage {stage}"))
             prefix = stage.replace("-", "_")
-            changes.append(_hint_with_environment_variable(f"{ENVIRONMENT_PREFIX}_{prefix}", field.name))
+            changes.append(_change_that_sets_environment_variable(f"{ENVIRONMENT_PREFIX}_{prefix}", field.name))
             name = field.name if stage == command else f"{prefix}{STAGE_SEPARATOR}{field.name}"
             if stage != command:
-                changes.append(_hint_with_stage_in_flags(stage))
+                changes.append(_change_that_adds_stage_to_flags(stage))
         hint = _hint_with_changed_option(hint, changes)
         found.append((field.name, _keyword_parameter(name, hint, default)))
     return found
@@ -114,17 +114,17 @@ def _keyword_parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint)
 
 
-def _hint_with_environment_variable(prefix: str, name: str) -> _OptionChange:
+def _change_that_sets_environment_variable(prefix: str, name: str) -> _OptionChange:
     """Return the change that gives an option its environment variable: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
     return lambda option: option.change(envvar=f"{prefix}_{name}".upper(), show_envvar=False)
 
 
-def _hint_with_help_heading(heading: str | None) -> _OptionChange:
+def _change_that_sets_help_heading(heading: str | None) -> _OptionChange:
     """Return the change that puts an option under a heading of the help."""
     return lambda option: option.change(rich_help_panel=heading)
 
 
-def _hint_with_stage_in_flags(stage: str) -> _OptionChange:
+def _change_that_adds_stage_to_flags(stage: str) -> _OptionChange:
     """Return the change that adds the stage's name to an option's flags."""
 
     def add_stage_to_flags(option: Declaration) -> Declaration:

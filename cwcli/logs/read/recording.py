@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import field
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -84,10 +84,28 @@ def log_names_in_folder(folder: Path) -> list[str]:
 
 def _file_names_in_folder(folder: Path) -> list[str]:
     try:
-        with os.scandir(folder) as entries:  # a `Path` of each takes several times as long
-            return [each.name for each in entries if each.is_file()]
+        return names_of_entries(folder, os.DirEntry.is_file)
     except OSError as error:
         raise InputError(f"the folder can't be listed: {error.strerror}", where=str(folder)) from error
+
+
+def names_of_entries(folder: Path, is_wanted: Callable[[os.DirEntry[str]], bool]) -> list[str]:
+    """Return the names of those entries of a folder that are wanted; a link that leads to itself is none.
+
+    Args:
+        folder: The folder.
+        is_wanted: `os.DirEntry.is_file` or `os.DirEntry.is_dir`.
+
+    Raises:
+        OSError: The folder can't be listed.
+    """
+    names = []
+    with os.scandir(folder) as entries:  # a `Path` of each takes several times as long
+        for each in entries:
+            with suppress(OSError):
+                if is_wanted(each):
+                    names.append(each.name)
+    return names
 
 
 def _log_names_in_part_order(names: Sequence[str]) -> list[str]:

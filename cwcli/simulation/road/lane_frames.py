@@ -35,7 +35,7 @@ class LaneFrameSettings:
     Attributes:
         road: Name of a set of frames (good, complex, hard): surface, markings, traffic, crests and the body's motion on
             its springs.
-        weather: A name of `CONDITIONS`.
+        weather: A name of `DRAW_FUNCTION_BY_WEATHER`.
         rate_hz: Rate of the camera.
         camera: The camera; None: zhang2011's.
     """

@@ -21,6 +21,7 @@ from cwcli.input import (
     remember_inputs,
 )
 from cwcli.logs.read.reader import Log
+from cwcli.logs.read.recording import log_names_in_folder, names_of_entries
 from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from cwcli.output import AtomicGroup, refuse_unwritable_target, write_file
 from tests.unit.logs_read.builders import small_log
@@ -184,6 +185,14 @@ def test_real_paths_are_those_of_the_system(tmp_path: Path, monkeypatch: pytest.
     for name in ("real/a", "link/a", "link/b", "link/loop", "link/deep/../a", "link/..", "link/", "link", ".", "none/x",
                  "/", f"{tmp_path}/link/a", "-", "link//a"):  # fmt: skip
         assert real_paths.resolve(name) == os.path.realpath(name), name
+
+
+def test_a_link_to_itself_is_no_entry_of_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").touch()
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "loop.mcap").symlink_to("loop.mcap")
+    assert log_names_in_folder(tmp_path) == ["a.mcap"]
+    assert names_of_entries(tmp_path, os.DirEntry.is_dir) == ["deep"]
 
 
 def test_a_run_minds_the_logs_that_are_open(path: Path) -> None:

@@ -40,7 +40,7 @@ def arc(curvature_1pm: float, length_m: float = 50.0, sigma_m: float = 0.0) -> B
 
 def test_path_straight_ahead_is_the_column_of_the_principal_point_up_to_its_end() -> None:
     lines = project_path_into_image(arc(0.0), CAMERA, width_m=1.8)
-    u, v = lines.line_points_in_image("centre").T
+    u, v = lines.visible_points_of_line("centre").T
     assert len(u) == N_PATH_POINTS
     np.testing.assert_allclose(u, 319.5, atol=ATOL_PX)
     assert (np.diff(v) < 0.0).all()
@@ -59,14 +59,14 @@ def test_lines_lie_on_the_path_and_beside_it_on_the_ground() -> None:
         (0.0, 0.9, -0.9, SIGMAS_HOLDING_90_PERCENT * 0.5, -SIGMAS_HOLDING_90_PERCENT * 0.5),
         strict=True,
     ):
-        x, y = camera.ground_points_from_image(*lines.line_points_in_image(name).T)
+        x, y = camera.ground_points_from_image(*lines.visible_points_of_line(name).T)
         np.testing.assert_allclose(200.0 - np.hypot(x + 0.7, y - 200.0), beside_m, atol=1e-3, err_msg=name)
 
 
 def test_distorted_camera_bends_the_line() -> None:
     camera = replace(CAMERA, distortion_model="plumb_bob", distortion=(-0.2, 0.05, 0.0, 0.0, 0.0))
     lines = project_path_into_image(arc(1 / 150.0), camera, width_m=1.8)
-    x, y = camera.ground_points_from_image(*lines.line_points_in_image("centre").T)
+    x, y = camera.ground_points_from_image(*lines.visible_points_of_line("centre").T)
     np.testing.assert_allclose(np.hypot(x, y - 150.0), 150.0, atol=1e-3)
     straight = project_path_into_image(arc(1 / 150.0), CAMERA, width_m=1.8)
     assert np.abs(straight.points - lines.points)[0].max() > 1.0
@@ -87,15 +87,15 @@ def test_path_of_a_standing_car_or_an_unknown_one_draws_nothing() -> None:
 def test_car_that_slows_to_a_stop_is_drawn_to_where_it_stops() -> None:
     path = arc(0.0)
     stopped = replace(path, x_m=np.minimum(path.x_m, 20.0))
-    _, v = project_path_into_image(stopped, CAMERA, width_m=1.8).line_points_in_image("centre").T
+    _, v = project_path_into_image(stopped, CAMERA, width_m=1.8).visible_points_of_line("centre").T
     np.testing.assert_allclose(v[-1], 239.5 + 600.0 * math.tan(math.atan(1.4 / 20.0) - 0.03), atol=ATOL_PX)
 
 
 def test_part_outside_the_image_is_left_out() -> None:
     lines = project_path_into_image(arc(1 / 30.0, length_m=40.0), CAMERA, width_m=1.8)
-    assert 2 < len(lines.line_points_in_image("centre")) < N_PATH_POINTS
+    assert 2 < len(lines.visible_points_of_line("centre")) < N_PATH_POINTS
     kept = np.concatenate(
-        [lines.line_points_in_image(name) for name in PATH_LINE_NAMES] + [lines.band_90_percent_polygon_uv_px()]
+        [lines.visible_points_of_line(name) for name in PATH_LINE_NAMES] + [lines.band_90_percent_polygon_uv_px()]
     )
     assert (kept >= -0.5).all() and (kept <= (639.5, 479.5)).all()
 
@@ -126,7 +126,7 @@ def test_corridor_as_wide_as_the_lane_lies_on_the_rendered_markings() -> None:
     camera = Camera(640, 360, seen.fx, seen.fy, seen.cx, seen.cy, mounting=mounting)
     lines = project_path_into_image(arc(curvature, length_m=40.0), camera, width_m=width_m)
     for name in ("left", "right"):
-        u, v = lines.line_points_in_image(name).T
+        u, v = lines.visible_points_of_line(name).T
         order = np.argsort(v)
         for row in range(200, 300, 10):
             at = float(np.interp(row, v[order], u[order]))
