@@ -24,7 +24,7 @@ MAX_TIME_OF_USED_ROW_BEFORE_FILTER_START_S = 1e-9
 floats."""
 MAX_PREDICTION_STEP_S = 0.1
 """Longest prediction step, s; chosen because the transition is a first-order expansion in the heading."""
-MAX_PREDICTION_STEPS_PER_GAP = 600
+MAX_COUNTED_PREDICTION_STEPS_OF_GAP = 600
 """Greatest number of steps across a gap: a longer gap counts as a minute, so that no covariance overflows."""
 MAX_CONSECUTIVE_IMU_REJECTIONS = 2
 """Number of rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre. Chosen
@@ -424,13 +424,13 @@ def _merge_rows_and_outputs_into_steps(
         np.maximum(output_s, start_s),
         start_s=start_s,
         max_step_s=MAX_PREDICTION_STEP_S,
-        max_pieces=MAX_PREDICTION_STEPS_PER_GAP,
+        max_pieces=MAX_COUNTED_PREDICTION_STEPS_OF_GAP,
     )
     return _shorten_long_pauses(time), first, out_row, order, np.ascontiguousarray(which[order])
 
 
 def _shorten_long_pauses(time_s: FloatArray) -> FloatArray:
-    """Return the step times with each gap of more than `MAX_PREDICTION_STEPS_PER_GAP` steps shortened to that.
+    """Return the step times with each gap of more than `MAX_COUNTED_PREDICTION_STEPS_OF_GAP` steps shortened to that.
 
     Only differences matter. Times before a gap stay the same to the bit, so that the gap changes no earlier state.
     """

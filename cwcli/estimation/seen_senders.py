@@ -83,7 +83,7 @@ class _ObjectComparedWithSender:
     width_m: FloatArray
 
 
-def drop_senders_seen_by_others_and_note(
+def drop_seen_objects_that_are_senders_and_note(
     signal: RemoteSignal, local_map: LocalMap | None
 ) -> tuple[RemoteSignal, tuple[str, ...]]:
     """Remove the perceived objects that are senders themselves; returns the signal and notes.

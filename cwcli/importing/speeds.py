@@ -225,7 +225,7 @@ def _find_heading(meaning: Meaning, quantity: str, column: str, track: TrackSpan
             f"{column!r} is left out: it is {np.nanmax(values):g} everywhere, which stands for no {quantity}"
         )
         return
-    unit, sense, confidence, why = _stated_unit_sense_and_reason(meaning, quantity, column)
+    unit, sense, confidence, why = _stated_unit_sense_confidence_and_reason(meaning, quantity, column)
     size = float(np.nanmax(np.abs(values)))
     if unit:
         units = [unit]
@@ -350,7 +350,7 @@ def _add_question_if_swap_fits_as_well(meaning: Meaning, quantity: str, column: 
     return True
 
 
-def _stated_unit_sense_and_reason(meaning: Meaning, quantity: str, column: str) -> tuple[str, str, str, str]:
+def _stated_unit_sense_confidence_and_reason(meaning: Meaning, quantity: str, column: str) -> tuple[str, str, str, str]:
     """Return unit, sense, confidence and reason, "" for what neither user, format nor header says."""
     column_and_unit = meaning.answers.column_and_unit_for(meaning.table.source, quantity)
     text = column_and_unit[1] if column_and_unit is not None and column_and_unit[0] == column else ""

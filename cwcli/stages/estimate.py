@@ -44,7 +44,7 @@ from cwcli.estimation.online_availability import (
 )
 from cwcli.estimation.result import Track, TrackSummary
 from cwcli.estimation.seen_ego import drop_ego_seen_by_others_and_note
-from cwcli.estimation.seen_senders import drop_senders_seen_by_others_and_note
+from cwcli.estimation.seen_senders import drop_seen_objects_that_are_senders_and_note
 from cwcli.estimation.source_clocks import align_source_clocks_and_note
 from cwcli.estimation.stated_noise import (
     SigmasByRoleOrTopic,
@@ -169,7 +169,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
     if signal is not None:
         signal, ego_notes = drop_ego_seen_by_others_and_note(signal, online, size_m, local_map)
-        signal, twice = drop_senders_seen_by_others_and_note(signal, local_map)
+        signal, twice = drop_seen_objects_that_are_senders_and_note(signal, local_map)
         notes = (*notes, *ego_notes, *twice)
     remote = None
     if signal is not None and len(signal.stamp_ns):

@@ -36,7 +36,7 @@ UNSUPPORTED_CODECS = frozenset({"av1"})
 """Codecs that OpenCV's FFmpeg decodes on special hardware only."""
 N_DECODER_THREADS = 1
 """Number of FFmpeg's threads: with more, its repair of damaged parts differs from run to run."""
-MAX_EXTRA_DECODER_FAILURES = 2
+MAX_FAILURES_BEFORE_DECODER_RESTART = 2
 """Failures of the decoder, beyond one for each waiting message, after which it is started anew. Chosen by hand; not
 fitted."""
 BLOCK_NUMBER_ABOVE_ALL_MESSAGES = 1 << 40
@@ -178,7 +178,7 @@ def _decode_until_stuck(
     capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, N_DECODER_THREADS])
     try:
         failures = 0
-        while capture.isOpened() and failures <= len(feed.waiting) + MAX_EXTRA_DECODER_FAILURES:
+        while capture.isOpened() and failures <= len(feed.waiting) + MAX_FAILURES_BEFORE_DECODER_RESTART:
             if not capture.grab():  # at a damaged block, or at the end
                 failures += 1
                 continue

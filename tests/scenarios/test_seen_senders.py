@@ -110,7 +110,7 @@ def test_a_warning_waits_for_no_silent_radio(
     write(tmp_path / "silent.mcap", heard)
     (_, with_s), *_ = warned(tmp_path / "silent.mcap")[0]
     monkeypatch.setattr(
-        "cwcli.stages.estimate.drop_senders_seen_by_others_and_note", lambda signal, local_map: (signal, ())
+        "cwcli.stages.estimate.drop_seen_objects_that_are_senders_and_note", lambda signal, local_map: (signal, ())
     )
     (_, without_s), *_ = warned(tmp_path / "silent.mcap")[0]
     assert with_s <= without_s + 0.051

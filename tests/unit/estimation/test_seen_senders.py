@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.estimation.seen_senders import drop_senders_seen_by_others_and_note
+from cwcli.estimation.seen_senders import drop_seen_objects_that_are_senders_and_note
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
 from cwcli.signals.columns import FloatArray, encode_strings
 from cwcli.signals.geodesy import LocalMap
@@ -54,7 +54,7 @@ def seen(name: str = "9:1", **how: Any) -> RemoteSignal:
 
 def left(*parts: RemoteSignal) -> tuple[dict[str, int], tuple[str, ...]]:
     """How many rows of each id are left, and the notes."""
-    signal, notes = drop_senders_seen_by_others_and_note(join_remote_signals(parts), PLACE)
+    signal, notes = drop_seen_objects_that_are_senders_and_note(join_remote_signals(parts), PLACE)
     names = [signal.station.values[code] for code in signal.station.codes]
     return {name: names.count(name) for name in sorted(set(names))}, notes
 
@@ -97,7 +97,7 @@ def test_between_two_senders_in_one_place_nobody_decides() -> None:
 
 def kept_s(*parts: RemoteSignal) -> FloatArray:
     """The moments of the objects that are left, seconds."""
-    signal, _ = drop_senders_seen_by_others_and_note(join_remote_signals(parts), PLACE)
+    signal, _ = drop_seen_objects_that_are_senders_and_note(join_remote_signals(parts), PLACE)
     return signal.stamp_ns[np.asarray(signal.is_perceived)] / S
 
 
@@ -188,7 +188,7 @@ def test_messages_that_came_too_late_cost_no_more_than_others() -> None:
     def calls(n: int) -> int:
         signal = all_late(n)
         kept: list[RemoteSignal] = []
-        n_calls = count_calls(lambda: kept.append(drop_senders_seen_by_others_and_note(signal, PLACE)[0]))
+        n_calls = count_calls(lambda: kept.append(drop_seen_objects_that_are_senders_and_note(signal, PLACE)[0]))
         assert np.count_nonzero(np.asarray(kept[0].is_perceived)) == n
         return n_calls
 
@@ -209,7 +209,7 @@ def test_a_row_depends_on_nothing_that_was_received_later() -> None:
     late = sender()
     late = replace(late, log_time_ns=late.log_time_ns + (rng.random(N) * 0.3 * S).astype(np.int64))
     whole = join_remote_signals([late, noisy])
-    kept, _ = drop_senders_seen_by_others_and_note(whole, PLACE)
+    kept, _ = drop_seen_objects_that_are_senders_and_note(whole, PLACE)
     assert 0 < np.count_nonzero(np.asarray(kept.is_perceived)) < N
     for cut_ns in (2 * S, 3 * S, 4 * S):
         before = np.flatnonzero(whole.log_time_ns < cut_ns)
@@ -221,7 +221,7 @@ def test_a_row_depends_on_nothing_that_was_received_later() -> None:
             log_time_ns=whole.log_time_ns[before],
             is_perceived=np.asarray(whole.is_perceived)[before],
         )
-        early, _ = drop_senders_seen_by_others_and_note(part, PLACE)
+        early, _ = drop_seen_objects_that_are_senders_and_note(part, PLACE)
         expected = kept.stamp_ns[kept.log_time_ns < cut_ns]
         assert early.stamp_ns.tolist() == expected.tolist()
 
