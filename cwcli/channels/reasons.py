@@ -59,7 +59,7 @@ _STEERING_WORDS = frozenset({"steer", "steering"})
 """Words that mean a steering angle."""
 _COMPASS_WORDS = frozenset({"heading", "azimuth", "course", "cog"})
 """Words that mean an angle from north, clockwise."""
-_FIELD_NAME_WORDS_RULING_OUT_MEASUREMENT = frozenset(
+_WORDS_THAT_RULE_OUT_MEASUREMENT = frozenset(
     {
         *("limit", "max", "min", "target", "desired", "cmd", "command", "commanded", "set", "setpoint", "reference"),
         *("rate", "angular", "engine", "wind", "fan", "rpm", "torque", "sigma", "std", "stdev", "covariance"),
@@ -144,10 +144,7 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
 def _explain_ambiguous_type_by_topic_words(topic: str, name: str) -> UnboundReason:
     """Explain an ambiguous type by the words in its topic's name."""
     words = _split_name_into_lower_case_words(topic)
-    if (
-        not set(words) & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD))
-        or set(words) & _FIELD_NAME_WORDS_RULING_OUT_MEASUREMENT
-    ):
+    if not set(words) & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD)) or set(words) & _WORDS_THAT_RULE_OUT_MEASUREMENT:
         return UnboundReason("neither the type nor the topic's name says what it measures")
     unit = next((_SPEED_UNIT_OF_WORD[word] for word in words if word in _SPEED_UNIT_OF_WORD), "")
     lines = (
@@ -310,7 +307,7 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
         place = {"lat": "lat", "latitude": "lat", "lon": "lon", "lng": "lon", "longitude": "lon"}.get(leaf.lower())
         if place:
             by_parent.setdefault(parent, {})[place] = path
-        if words & _FIELD_NAME_WORDS_RULING_OUT_MEASUREMENT or "stamp" in path:
+        if words & _WORDS_THAT_RULE_OUT_MEASUREMENT or "stamp" in path:
             continue
         unit = (
             ""
@@ -326,7 +323,7 @@ def suggest_map_options(topic: str, paths: Sequence[str], *, has_units: bool = F
         )
         if (
             words & (_SPEED_WORDS | set(_SPEED_UNIT_OF_WORD))
-            and not set(_split_name_into_lower_case_words(path)) & _FIELD_NAME_WORDS_RULING_OUT_MEASUREMENT
+            and not set(_split_name_into_lower_case_words(path)) & _WORDS_THAT_RULE_OUT_MEASUREMENT
         ):
             found.append((1 + 10 * ("[" in leaf), "ego_speed", f"{path}{unit if unit != '*deg' else ''}"))
         elif words & _STEERING_WORDS or ("angle" in words and "steer" in path.lower()):
