@@ -122,7 +122,6 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
         if fixed and len(fixed) < len(columns):
             found[quantity] = fixed
     _drop_incomplete_axes(found)
-    _drop_theta_that_is_a_pitch(table, found)
     _add_parts_of_seconds(table, found)
     return {quantity: columns for quantity, columns in found.items() if columns}
 
@@ -130,14 +129,6 @@ def candidate_columns_by_quantity(table: SourceTable, answers: Answers) -> dict[
 def _is_part_of_time_by_name(column: str) -> bool:
     """Tell whether a column is called a date or a year."""
     return bool({"date", "year"}.intersection(quantities_of_name(column)))
-
-
-def _drop_theta_that_is_a_pitch(table: SourceTable, by_quantity: dict[str, list[str]]) -> None:
-    """Leave out a heading called theta beside another one or a phi: it is one of Euler's angles, a pitch."""
-    has_phi = any("phi" in split_name(column).words for column in table.columns)
-    others = [column for column in by_quantity.get("heading", ()) if "theta" not in split_name(column).words]
-    if others or has_phi:
-        by_quantity["heading"] = others
 
 
 def _add_parts_of_seconds(table: SourceTable, by_quantity: dict[str, list[str]]) -> None:

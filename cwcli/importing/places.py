@@ -277,8 +277,11 @@ def _ask_if_degrees_or_radians(
 
 def _find_altitude(meaning: Meaning) -> None:
     columns = meaning.candidate_columns("altitude")
-    if any(meaning.words_of_column(name)[-1:] == ("width",) for name in meaning.table.source.columns):
-        columns = [name for name in columns if "height" not in meaning.words_of_column(name)]  # of a picture or a box
+    words = {name: meaning.words_of_column(name) for name in meaning.table.source.columns}
+    of_boxes = [name for name in columns if "height" in words[name] and _words_of_width(words[name]) in words.values()]
+    if of_boxes and not meaning.is_decided_by_user("altitude"):
+        meaning.notes.append(f"{', '.join(map(repr, of_boxes))} left out: beside a width, of a picture or a box")
+        columns = [name for name in columns if name not in of_boxes]
     if not columns:
         return
     column = columns[0]
@@ -293,6 +296,10 @@ def _find_altitude(meaning: Meaning) -> None:
         )
         return
     meaning.add_scaled_quantity("altitude", column, choice)
+
+
+def _words_of_width(words_of_height: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple("width" if word == "height" else word for word in words_of_height)
 
 
 def _find_local_positions(meaning: Meaning) -> None:
@@ -341,7 +348,7 @@ def _ask_for_zone_if_grid(meaning: Meaning, x: str, y: str) -> bool:
     ]
     if max(sizes) < MIN_GRID_COORDINATE_M:
         return False
-    if meaning.table.source.presets:
+    if meaning.table.source.presets and meaning.table.source.kind != "ros message":
         meaning.notes.append(
             f"{x!r} and {y!r} up to {max(sizes):.0f} m count from the origin of a grid: its north may be 3 degrees "
             "beside the true one; latitudes and longitudes are not known"

@@ -30,6 +30,9 @@ Chosen by hand."""
 MIN_SPEED_RATIO_SPREAD_OF_SWAPPED_POSITIONS, MAX_SPREAD_SHARE_AFTER_SWAP = 0.02, 0.4
 """Least spread of the logarithm of the ratio of a speed to the way, and largest share of it with the places swapped,
 that show a swap. Chosen by hand; not fitted."""
+PERCENTILE_OF_USUAL_TOP_SPEED, MAX_NOISE_OF_SPEED_AT_REST_MPS = 90.0, 1.0
+"""Percentile of a speed that tells whether a car moved, and its greatest value, m/s, at rest. Chosen by hand: receivers
+at rest show tenths of a metre a second."""
 MAX_ANGLE_WITHOUT_FULL_TURNS_DEG = 361.0
 """Greatest size of an angle in degrees that does not count full turns. Larger ones count turns, or are hundredths of a
 degree, as MAVLink has them, or hundred thousandths, as u-blox."""
@@ -155,7 +158,7 @@ def _split_gnss_speed(meaning: Meaning) -> None:
     if len(columns) < 2 or meaning.is_decided_by_user("speed"):
         return
     changing = [column for column in columns if np.nan_to_num(meaning.numbers_in_file_unit(column)).any()]
-    if changing and len(changing) < len(columns):
+    if len(changing) < len(columns) and any(_shows_motion(meaning, column) for column in changing):
         zeros = ", ".join(repr(column) for column in columns if column not in changing)
         meaning.notes.append(f"{zeros} left out: 0 everywhere, and {changing[0]!r} is not")
         meaning.table.candidates["speed"] = columns = changing
@@ -168,6 +171,13 @@ def _split_gnss_speed(meaning: Meaning) -> None:
     if of_receiver and len(others) == 1:
         meaning.notes.append(f"{', '.join(map(repr, of_receiver))} left out: {others[0]!r} is the speed of the car")
         meaning.table.candidates["speed"] = others
+
+
+def _shows_motion(meaning: Meaning, column: str) -> bool:
+    """Tell whether a speed is more than the noise of a receiver at rest; one without a unit counts as km/h."""
+    factor = FACTOR_BY_KIND_AND_UNIT["speed"][meaning.stated_unit("speed", column).unit or "kmh"]
+    usual_top_speed = np.nanpercentile(np.abs(meaning.numbers_in_file_unit(column)), PERCENTILE_OF_USUAL_TOP_SPEED)
+    return bool(usual_top_speed * factor > MAX_NOISE_OF_SPEED_AT_REST_MPS)
 
 
 def find_velocity(meaning: Meaning, track: TrackSpans | None) -> None:
@@ -187,12 +197,37 @@ def find_headings(meaning: Meaning, track: TrackSpans | None) -> None:
     if _is_course_of_receiver(meaning):
         meaning.table.candidates["course"] = meaning.table.candidates.pop("heading")
         meaning.notes.append("the heading beside position and speed is taken as the course over ground")
+    headings = meaning.table.candidates.get("heading", [])
+    others = [column for column in headings if "theta" not in meaning.words_of_column(column)]
+    if others and not meaning.is_decided_by_user("heading"):
+        meaning.table.candidates["heading"] = others  # beside another heading, a theta is the pitch
     for quantity in ("course", "heading"):
         if quantity == "heading" and meaning.table.source.attitude_is_of_device:
             continue
         column = meaning.choose_column_or_ask(quantity)
-        if column is not None:
+        if column is not None and _may_be_no_heading(meaning, quantity, column):
+            _find_heading_only_if_way_shows_it(meaning, quantity, column, track)
+        elif column is not None:
             _find_heading(meaning, quantity, column, track)
+
+
+def _may_be_no_heading(meaning: Meaning, quantity: str, column: str) -> bool:
+    """Tell whether a column is called theta, as pitches and angles of wheels are, too, and nothing says more."""
+    is_stated = meaning.is_decided_by_user(quantity) or column in meaning.table.source.presets
+    return "theta" in meaning.words_of_column(column) and not is_stated
+
+
+def _find_heading_only_if_way_shows_it(meaning: Meaning, quantity: str, column: str, track: TrackSpans | None) -> None:
+    """Read an angle as a heading if it follows a way that turns; else leave it out, without a question."""
+    n_questions = len(meaning.questions)
+    if track is not None and track.can_show_units_and_directions and _does_way_turn(track):
+        _find_heading(meaning, quantity, column, track)
+    if quantity not in meaning.values:
+        del meaning.questions[n_questions:], meaning.chosen[quantity]
+        meaning.notes.append(
+            f"{column!r} is left out: no way between positions shows that it is a heading; "
+            f"--column {quantity}='{column}' reads it"
+        )
 
 
 def _is_course_of_receiver(meaning: Meaning) -> bool:
@@ -306,8 +341,11 @@ def _stands_for_no_angle(value: float, track: TrackSpans | None) -> bool:
     """Tell whether a value that a heading has everywhere is none: beyond the full circle, or 0 while the car turns."""
     if value > MAX_ANGLE_WITHOUT_FULL_TURNS_DEG:
         return True
-    if value != 0.0 or track is None or not track.can_show_units_and_directions:
-        return False
+    return value == 0.0 and track is not None and track.can_show_units_and_directions and _does_way_turn(track)
+
+
+def _does_way_turn(track: TrackSpans) -> bool:
+    """Tell whether the way ever turns clearly away from its mean direction."""
     course_rad = track.course_rad[track.moving_span_mask]
     mean_rad = np.angle(np.exp(1j * course_rad).sum())
     turned_deg = np.degrees(np.abs(np.angle(np.exp(1j * (course_rad - mean_rad)))))

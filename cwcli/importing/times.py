@@ -87,6 +87,8 @@ MONTH_NAME_DATE_PATTERNS_AND_YEAR_FIRST_REWRITES = (
 """Dates with the name of a month (`Tue, 14 Nov 2023`, `November 14, 2023`) and their order as year, month, day."""
 SIX_DIGIT_DATE_PATTERN = r"^(?P<a>\d{2})(?P<b>\d{2})(?P<c>\d{2})$"
 """A date of six digits in an order that is not known."""
+YEAR_LAST_DATE_PATTERN = r"^(?P<a>[0-3]\d)(?P<b>[0-3]\d)(?P<c>(?:19|20)\d{2})$"
+"""A date of eight digits with the year behind day and month."""
 EIGHT_DIGIT_DATE_PATTERN = r"^(?P<a>(?:19|20)\d{2})(?P<b>0[1-9]|1[0-2])(?P<c>0[1-9]|[12]\d|3[01])$"
 """A date of eight digits: year, month, day; other numbers of eight digits count milliseconds."""
 DATE_PATTERNS = (
@@ -187,11 +189,15 @@ def is_clock_of_digits(instants: Instants) -> bool:
 
 
 def parse_short_dates(array: ArrowArray) -> TextTimes | None:
-    """Parse dates of six digits; None where a text is none."""
+    """Parse dates of six digits, or of eight with the year last; None where a text is neither."""
     import pyarrow.compute as pc
 
-    found = pc.extract_regex(trimmed_texts_or_null(array), SIX_DIGIT_DATE_PATTERN)
-    return None if found.null_count else _text_times_of_column_matches(found)
+    texts = trimmed_texts_or_null(array)
+    for pattern in (SIX_DIGIT_DATE_PATTERN, YEAR_LAST_DATE_PATTERN):
+        found = pc.extract_regex(texts, pattern)
+        if texts.null_count == found.null_count < len(texts):
+            return _text_times_of_column_matches(found)
+    return None
 
 
 def parse_text_times(array: ArrowArray) -> TextTimes | None:

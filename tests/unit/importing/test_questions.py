@@ -112,6 +112,10 @@ def values(made: ImportPlan, topic: str, path: str) -> np.ndarray:
     return np.asarray(channel.fields[path])
 
 
+def notes(made: ImportPlan) -> str:
+    return "\n".join(note for each in made.notes.values() for note in each)
+
+
 def test_answer_about_a_unit(tmp_path: Path) -> None:
     path = table(tmp_path, "time,speed", [T, KMH])
     made = plan(path, "speed=speed*kmh")
@@ -355,3 +359,98 @@ def test_every_kind_is_where_the_table_says(name: str) -> None:
 )
 def test_name_of_a_column_says_what_it_is(name: str, quantities: list[str]) -> None:
     assert quantities_of_name(name) == quantities
+
+
+def test_velocity_that_may_be_to_the_east_is_no_speed_of_the_car(tmp_path: Path) -> None:
+    """TwistWithCovarianceStamped of a receiver has x to the east; Odometry has it in the axes of the car."""
+    east, north = digits(D.speed_mps * np.cos(D.heading_rad), 4), digits(D.speed_mps * np.sin(D.heading_rad), 4)
+    twist = "fix_velocity/twist/twist/linear"
+    names = f"time,/fix/header/seq,/fix/latitude,/fix/longitude,/{twist}/x,/{twist}/y"
+    made = plan(table(tmp_path, names, [T, ["7"] * N, LAT, LON, east, north]))
+    assert "/vehicle/twist" not in {channel.topic for _, channel in made.channels}
+    assert "its axes may be east and north" in notes(made)
+    place, speed = "/odom/pose/pose/position", "/odom/twist/twist/linear/x"
+    names = f"time,/odom/header/seq,{place}/x,{place}/y,{speed}"
+    made = plan(table(tmp_path, names, [T, ["7"] * N, digits(D.x_m, 3), digits(D.y_m, 3), MPS]))
+    np.testing.assert_allclose(values(made, "/vehicle/twist", "twist.linear.x"), D.speed_mps, atol=1e-3)
+
+
+def test_motion_of_another_vehicle_is_not_that_of_the_car(tmp_path: Path) -> None:
+    lead = "/lead/pose/pose/position/x,/lead/pose/pose/position/y,/lead/twist/twist/linear/x"
+    names = f"time,/lead/header/seq,/fix/latitude,/fix/longitude,{lead}"
+    made = plan(table(tmp_path, names, [T, ["7"] * N, LAT, LON, digits(D.x_m + 30, 3), digits(D.y_m, 3), MPS]))
+    assert {channel.topic for _, channel in made.channels} == {"/gps/fix"}
+
+
+def test_zone_of_ros_messages_in_a_grid_is_asked(tmp_path: Path) -> None:
+    place = "/odom/pose/pose/position"
+    columns = [T, ["7"] * N, digits(D.x_m + 500_000, 3), digits(D.y_m + 5_300_000, 3)]
+    path = table(tmp_path, f"time,/odom/header/seq,{place}/x,{place}/y", columns)
+    with pytest.raises(CwcliError, match="of a grid, whose zone is not known"):
+        plan(path)
+    made = plan(path, f"x={place}/x*utm32n")  # 500 km lie on its middle meridian, 9 degrees
+    assert abs(values(made, "/gps/fix", "longitude")[0] - 9.0) < 1e-6
+
+
+@pytest.mark.parametrize("answers", [{}, {"date_order": "dmy"}])
+def test_date_of_eight_digits_with_the_year_last(answers: dict[str, str], tmp_path: Path) -> None:
+    clock = iso(D, "", "%H:%M:%S")
+    path = table(tmp_path, "date,time,latitude,longitude", [["14112023"] * N, clock, LAT, LON])
+    made = plan(path, timezone="UTC", **answers)
+    assert values(made, "/gps/fix", "header.stamp")[0] == START_S * 10**9
+    path = table(tmp_path, "date,time,latitude,longitude", [["04052023"] * N, clock, LAT, LON])
+    if not answers:
+        with pytest.raises(CwcliError, match="the order of day and month"):
+            plan(path, timezone="UTC")
+        return
+    made = plan(path, timezone="UTC", **answers)
+    assert values(made, "/gps/fix", "header.stamp")[0] == 1_683_238_400 * 10**9  # 2023-05-04T22:13:20Z
+
+
+BICYCLE = [T, digits(D.x_m, 3), digits(D.y_m, 3), digits(D.heading_rad, 5), digits(D.yaw_rate_radps * 0.27, 5), MPS]
+
+
+@pytest.mark.parametrize("answer", [(), ("heading=theta",)])
+def test_theta_of_a_bicycle_model_is_a_heading(answer: tuple[str, ...], tmp_path: Path) -> None:
+    """Pose and angle of the wheels: time, x, y, theta, phi, v."""
+    made = plan(table(tmp_path, "time,x,y,theta,phi,v", BICYCLE), *answer)
+    assert ("theta", "heading") in {(guess.column, guess.quantity) for guess in made.tables[0][1]}
+
+
+@pytest.mark.parametrize(
+    ("names", "columns"),
+    [
+        ("time,latitude,longitude,speed_mps,roll,theta", [T, LAT, LON, MPS, ["0.01"] * N, ["0.02", "0.03"] * (N // 2)]),
+        ("time,latitude,longitude,theta", [T, LAT, LON, ["1.5", "2.5"] * (N // 2)]),
+        ("time,theta,speed_mps", [T, ["0.02", "0.03"] * (N // 2), MPS]),
+    ],
+)
+def test_theta_that_nothing_shows_to_be_a_heading_is_left_out(
+    names: str, columns: list[list[str]], tmp_path: Path
+) -> None:
+    made = plan(table(tmp_path, names, columns))
+    assert "'theta' is left out" in notes(made)
+    assert "theta" not in {guess.column for guess in made.tables[0][1]}
+
+
+@pytest.mark.parametrize(
+    ("names", "answer", "is_altitude"),
+    [
+        ("height,lane_width", (), True),
+        ("height,width", (), False),
+        ("height,width", ("altitude=height",), True),
+    ],
+)
+def test_height_beside_the_width_of_the_same_thing_is_no_altitude(
+    names: str, answer: tuple[str, ...], is_altitude: bool, tmp_path: Path
+) -> None:
+    path = table(tmp_path, f"time,latitude,longitude,{names}", [T, LAT, LON, ["480"] * N, ["3.5"] * N])
+    made = plan(path, *answer)
+    assert ("altitude" in {guess.quantity for guess in made.tables[0][1]}) == is_altitude
+    assert ("beside a width" in notes(made)) != is_altitude
+
+
+def test_own_speed_of_a_parked_car_is_kept_beside_the_noise_of_a_receiver(tmp_path: Path) -> None:
+    noise = [f"{k % 4 / 10}" for k in range(N)]
+    made = plan(table(tmp_path, "time,vehicle_speed_kmh,gps_speed_mps", [T, ["0"] * N, noise]))
+    assert not values(made, "/vehicle/twist", "twist.linear.x").any()
