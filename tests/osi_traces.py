@@ -33,7 +33,7 @@ class Actor:
     id: int
     motion: Motion
     size_m: tuple[float, float] = (5.0, 2.0)
-    kind: int = MovingObject.MOVING_OBJECT_TYPE_VEHICLE
+    kind: int = MovingObject.TYPE_VEHICLE
     rear_m: float | None = -1.4
 
 

@@ -18,6 +18,7 @@ CLOCKS = {"perf_counter", "process_time", "monotonic", "thread_time", "getrusage
 }
 MEASURED = ("bench", "studies")  # they print seconds, and are no tests
 WAITS = {
+    "cli/browser.py": "waits until a page is open; a study prints the times that the browser itself tells",
     "cli/test_fleet.py": "waits until a state is reached, `HANG_S` at most",
     "cli/test_leftovers.py": "waits for a temporary file",
     "cli/test_pipeline.py": "waits for a temporary file",
