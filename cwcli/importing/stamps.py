@@ -63,6 +63,9 @@ DATE_PART_QUANTITIES = ("year", "month", "day", "hour", "minute", "second")
 """Quantities that make a time together."""
 NS_BY_FRACTION_OF_SECOND_QUANTITY = {"millisecond": 1_000_000, "microsecond": 1000, "nanosecond": 1}
 """Quantity of a column of parts of a second beside them -> its unit in ns."""
+MIN_SHARE_OF_ROWS_THAT_SHOW_PARTS_OF_SECOND = 0.95
+"""Least share of rows between which parts of a second rise, or fall back as the second steps. Chosen by hand: a gap of
+more than a second can show neither."""
 DESCRIPTION_BY_DATE_ORDER = {"ymd": "", "dmy": "day before month", "mdy": "month before day"}
 """Order of a date -> what is said about it."""
 TIME_MEANINGS_BY_USEFULNESS = (
@@ -404,6 +407,9 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
         wanted_unit, _, since = column_and_unit[1].partition("-")
         read = time_base_of_numbers(instants, wanted_unit, words)
         base = TimeBaseOfNumbers(wanted_unit, since or read.since, "given", "as you said")
+    has_own_parts = _do_parts_fall_back_at_steps(table, instants)
+    if has_own_parts and not base.unit and not unit and base.since == "start":
+        base = TimeBaseOfNumbers("s", "start", "likely", "parts of a second fall back at its steps")
     guess = Guess("time", column, base.unit, base.confidence, base.why)
     says_epoch = (
         preset is not None
@@ -421,7 +427,7 @@ def _number_time_candidate(table: LoadedTable, column: str, instants: Instants, 
     if rest is not None:
         stamp_ns = stamp_ns + table.instants[rest].to_ns("ns")
         guess = replace(guess, why=f"{guess.why}, with the nanoseconds in {rest!r}")
-    elif base.unit == "s" and base.since != "start" and not instants.fraction.any():
+    elif base.unit == "s" and not instants.fraction.any() and (base.since != "start" or has_own_parts):
         stamp_ns, guess = _with_part_of_second_of_other_column(table, stamp_ns, guess)
     if base.since == "2001":
         stamp_ns = stamp_ns + APPLE_EPOCH_S * NS_PER_S
@@ -465,6 +471,24 @@ def _with_part_of_second_of_other_column(
             if (np.diff(both) > 0).mean() > 1.0 - MAX_SHARE_OF_REPEATED_STAMPS > (np.diff(stamp_ns) > 0).mean():
                 return both, replace(guess, why=f"{guess.why}, with the {part}s in {name!r}")
     return stamp_ns, guess
+
+
+def _do_parts_fall_back_at_steps(table: LoadedTable, instants: Instants) -> bool:
+    """Tell whether parts of a second rise between the steps of a column and fall back at them: it counts seconds."""
+    if "minute" in table.candidates or instants.fraction.any() or not instants.valid.all():
+        return False
+    for part, unit_ns in NS_BY_FRACTION_OF_SECOND_QUANTITY.items():
+        for name in table.candidates.get(part, ()):
+            ns = table.numbers.get(name, np.zeros(0)) * unit_ns
+            steps = np.diff(instants.whole)
+            if len(ns) != len(steps) + 1 or not ((ns >= 0) & (ns < NS_PER_S)).all():
+                continue
+            if not (steps == 0).any() or not (steps == 1).any() or (steps < 0).any():
+                continue
+            is_as_of_second = np.where(steps == 1, np.diff(ns) < 0, (steps == 0) & (np.diff(ns) > 0))
+            if is_as_of_second.mean() > MIN_SHARE_OF_ROWS_THAT_SHOW_PARTS_OF_SECOND:
+                return True
+    return False
 
 
 def _nanosecond_column_of_second_column(table: LoadedTable, column: str) -> str | None:

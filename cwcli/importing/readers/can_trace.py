@@ -26,12 +26,13 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.can import MAX_FRAME_BYTES, DbcMessage, decode_all_signals, load_dbc_messages
 from cwcli.signals.resample import interpolate_signal_at_times
 from cwcli.signals.units import NS_PER_S
+from cwcli.text import format_count
 
 CANDUMP_LINE_PATTERN = re.compile(r"^\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}#")
 """Pattern of a line that `candump -l` writes: time, bus, identifier and data."""
 SHOWN_CANDUMP_LINE_PATTERN = re.compile(
     r"^\s*(?P<time>\(\d{10}\.\d+\))\s+(?P<bus>\S+)\s+(?:[RT]X\s+\S\s+\S\s+)?(?P<id>[0-9A-F]{3}|[0-9A-F]{8})"
-    r"\s+\[\d+\]\s*(?P<data>(?:[0-9A-F]{2}\s*)*|remote request)(?:'.*'\s*)?$"
+    r"\s+\[\d+\]\s*(?P<data>(?:[0-9A-F]{2}\s*)*|remote request)(?:'.*'\s*)?(?P<error>ERRORFRAME\s*)?$"
 )
 """Pattern of a line that `candump -ta` shows on the screen, with the time since 1970."""
 ASC_HEADER_PATTERN = re.compile(
@@ -70,17 +71,6 @@ def accepts_candump(head: FileHead) -> bool:
 def accepts_trc(head: FileHead) -> bool:
     """Tell whether the lines are those of a TRC trace."""
     return bool(head.lines) and head.lines[0].startswith(TRC_FIRST_WORD)
-
-
-def _candump_line_as_in_a_file(line: str) -> str:
-    """Return a line that candump shows on the screen as it writes it into a file; any other as it is."""
-    found = SHOWN_CANDUMP_LINE_PATTERN.match(line)
-    if not found:
-        return line
-    data = found["data"]
-    data = "R" if data.startswith("remote") else "".join(data.split())
-    is_long = len(data) > 2 * MAX_CLASSIC_FRAME_BYTES
-    return f"{found['time']} {found['bus']} {found['id']}{'##0' if is_long else '#'}{data}\n"
 
 
 def accepts_asc(head: FileHead) -> bool:
@@ -188,11 +178,26 @@ class _TraceLines(io.TextIOBase):
         super().__init__()
         self._lines = iter_text_lines(path, "utf-8")
         if kind == "candump":
-            self._lines = map(_candump_line_as_in_a_file, self._lines)
+            self._lines = map(self._candump_line_as_in_a_file, self._lines)
         elif kind == "trc":
             self._lines = (line for line in self._lines if not line.startswith(TRC_DATE_WORD))
         self._n_head_lines_left = N_ASC_HEAD_LINES
         self._sum_us: int | None = None
+        self._is_shown_on_screen = False
+        self.n_lines_left_out = 0
+
+    def _candump_line_as_in_a_file(self, line: str) -> str:
+        """Return a line that candump shows on the screen as it writes it into a file; an empty one for no data."""
+        found = SHOWN_CANDUMP_LINE_PATTERN.match(line)
+        self._is_shown_on_screen |= found is not None
+        if found is None and (not self._is_shown_on_screen or not line.strip() or CANDUMP_LINE_PATTERN.match(line)):
+            return line
+        if found is None or found["error"]:
+            self.n_lines_left_out += 1
+            return "\n"
+        data = "R" if found["data"].startswith("remote") else "".join(found["data"].split())
+        is_long = len(data) > 2 * MAX_CLASSIC_FRAME_BYTES
+        return f"{found['time']} {found['bus']} {found['id']}{'##0' if is_long else '#'}{data}\n"
 
     def readline(self, size: int | None = -1, /) -> str:  # type: ignore[override]
         """Return the next line, "" at the end."""
@@ -259,6 +264,9 @@ def _read_frames_by_message(
     if not n_frames:
         raise DataError("it has no frames", where=path)
     notes = [f"{n_without_time} frames have an impossible time and are left out"] if n_without_time else []
+    if isinstance(source, _TraceLines) and source.n_lines_left_out:
+        lines = format_count(source.n_lines_left_out, "line")
+        notes.append(f"{lines} of error frames, or not as candump shows frames: left out")
     return frames, n_frames, notes
 
 

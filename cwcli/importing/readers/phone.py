@@ -93,7 +93,7 @@ def _read_phone_archive_tables(path: str, answers: Answers) -> Sequence[SourceTa
         replace(with_phone_units_and_time_base(table, name, start), has_accelerations_of_other_sign=is_of_apple)
         for name, table in sources.items()
     ]
-    if not tables and "accelerometer" in texts:
+    if not tables and texts.get("accelerometer", b"").count(b"\n") >= 2:
         raise DataError(
             "it holds no more than accelerations without gravity, which show no vertical",
             where=path,

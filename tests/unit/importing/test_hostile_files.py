@@ -391,6 +391,23 @@ def test_can_frames_of_an_impossible_time_are_counted(tmp_path: Path, time: str)
     assert "1 frames have an impossible time" in notes(made)
 
 
+def test_error_frames_that_candump_shows_are_counted(tmp_path: Path) -> None:
+    trace, dbc = can_dump(tmp_path)
+    shown = []
+    for line in trace.read_text().splitlines():
+        time, bus, frame, *_ = line.split()
+        name, _, data = frame.partition("#")
+        shown.append(f" {time}  {bus}  {name:>8}   [{len(data) // 2}]  {bytes.fromhex(data).hex(' ').upper()}")
+    n_stamps = len(log_times(plan_import([str(trace), str(dbc)], Answers())))
+    time = shown[9].split()[0]
+    shown.insert(9, f" {time}  can0  20000004   [8]  00 04 00 00 00 00 00 00   ERRORFRAME")
+    shown.insert(10, "\tcontroller-problem{rx-overflow}")
+    trace.write_text("\n".join(shown) + "\n")
+    made = plan_import([str(trace), str(dbc)], Answers())
+    assert len(log_times(made)) == n_stamps
+    assert "2 lines of error frames" in notes(made)
+
+
 def test_one_row_without_a_time_costs_no_other(tmp_path: Path) -> None:
     """A clock of 92 hours made every row of a VBOX file one without a time; a 13th month became 1970 in RTKLIB's."""
     for make, before, after in ((vbo, b" 2213", b" 9213"), (rtklib, b"2023/11/14", b"2023/13/14")):

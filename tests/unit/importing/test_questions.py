@@ -333,6 +333,11 @@ def test_accelerations_of_a_phone_without_gravity_are_no_empty_tables(tmp_path: 
         archive.writestr("Accelerometer.csv", f"time,seconds_elapsed,z,y,x\n{rows}")
     with pytest.raises(DataError, match="accelerations without gravity"):
         plan(tmp_path / "drive.zip")
+    with zipfile.ZipFile(tmp_path / "empty.zip", "w") as archive:
+        archive.writestr("Accelerometer.csv", "time,seconds_elapsed,z,y,x\n")
+        archive.writestr("Location.csv", "time,seconds_elapsed,latitude,longitude\n")
+    with pytest.raises(InputError, match="its tables have no rows"):
+        plan(tmp_path / "empty.zip")
 
 
 @pytest.mark.parametrize("name", DESCRIPTION_PLACE_BY_FILE_KIND)
@@ -454,3 +459,32 @@ def test_own_speed_of_a_parked_car_is_kept_beside_the_noise_of_a_receiver(tmp_pa
     noise = [f"{k % 4 / 10}" for k in range(N)]
     made = plan(table(tmp_path, "time,vehicle_speed_kmh,gps_speed_mps", [T, ["0"] * N, noise]))
     assert not values(made, "/vehicle/twist", "twist.linear.x").any()
+
+
+@pytest.mark.parametrize("answer", [(), ("time=sec*s",)])
+@pytest.mark.parametrize(("part", "unit_s"), [("usec", 1e-6), ("msec", 1e-3)])
+def test_seconds_since_the_start_are_joined_with_their_parts(
+    answer: tuple[str, ...], part: str, unit_s: float, tmp_path: Path
+) -> None:
+    """10 Hz: the parts rise by a tenth of a second and fall back at each of the 59 steps of the seconds."""
+    parts = [f"{k % 10 * 0.1 / unit_s:.0f}" for k in range(N)]
+    columns = [[str(k // 10) for k in range(N)], parts, LAT, LON, MPS]
+    made = plan(table(tmp_path, f"sec,{part},latitude,longitude,speed_mps", columns), *answer)
+    stamp_ns = values(made, "/gps/fix", "header.stamp")
+    np.testing.assert_array_equal(stamp_ns - stamp_ns[0], np.arange(N) * 100_000_000)
+
+
+def test_parts_that_do_not_fall_back_at_the_seconds_are_not_joined(tmp_path: Path) -> None:
+    """Milliseconds of another clock fall back half a second later."""
+    parts = [str((k + 5) % 10 * 100) for k in range(N)]
+    columns = [[str(k // 10) for k in range(N)], parts, LAT, LON]
+    with pytest.raises(CwcliError, match="unit of the time"):
+        plan(table(tmp_path, "sec,msec,latitude,longitude", columns))
+
+
+def test_seconds_of_a_minute_stay_a_part_of_their_date(tmp_path: Path) -> None:
+    date = [[part] * 300 for part in ("2023", "11", "14", "22", "13")]
+    columns = [*date, [str(20 + k // 10) for k in range(300)], [str(k % 10 * 100) for k in range(300)], LAT[:300]]
+    names = "year,month,day,hour,minute,second,msec,latitude,longitude"
+    made = plan(table(tmp_path, names, [*columns, LON[:300]]), timezone="UTC")
+    assert values(made, "/gps/fix", "header.stamp")[1] == START_S * 10**9 + 100_000_000
