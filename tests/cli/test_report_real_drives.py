@@ -44,15 +44,19 @@ def test_dresden_s_second_of_latency_and_its_pitched_imu_are_told(tmp_path: Path
     assert pitched and 8 <= int(pitched[1]) <= 13
 
 
-def test_kitti_s_covariance_that_the_truth_contradicts_comes_first(tmp_path: Path) -> None:
+def test_kitti_s_headings_that_are_on_another_clock_come_first(tmp_path: Path) -> None:
+    """Moved by 60 to 80 ms the truth's headings fit best, which was found by hand as well."""
     options = ("--topic", "truth=/truth/pose_imu", "--estimate-truth-origin", "48.9825,8.3904,116.4")
     words = shown("kitti-2011-10-03-drive-0027.first240s.mcap", tmp_path, *options)
     first = words[: words.index("Where everybody drove")]
-    assert re.search(r"the heading is off by 0\.\d+ deg, \d\.\d times its own uncertainty", first)
+    early = re.search(r"Do not trust this as it is: the truth \(heading\) is (0\.\d+) s early", first)
+    assert early and 0.05 < float(early[1]) < 0.09
 
 
 def test_psu_testtrack_s_states_are_said_to_be_implausible(tmp_path: Path) -> None:
     """Its messages come in bursts, and hold no speed: what differences of positions tell, no car does."""
     words = shown("psu-testtrack-1obu.mcap", tmp_path, "--ego-station", "2a3c600d")
     first = words[: words.index("Where everybody drove")]
-    assert re.search(r"Do not trust this as it is: the estimate has an acceleration of \d+ m/s²", first)
+    assert "not to be trusted" in first
+    found = re.search(r"The estimate has an acceleration of (\d+) m/s²", first)
+    assert found and int(found[1]) > 12
