@@ -10,10 +10,12 @@ import pytest
 from cwcli.importing.mapping import read_mapping
 from cwcli.importing.run import plan_import
 from cwcli.importing.tables import Answers
+from tests.unit.importing.other_base import OtherCase
+from tests.unit.importing.real_tables import RealCase
 from tests.unit.importing.test_other_files import CASES as OTHER_CASES
 from tests.unit.importing.test_real_files import CASES as REAL_CASES
 
-CASES = {**REAL_CASES, **{f"other {name}": case for name, case in OTHER_CASES.items()}}
+CASES: dict[str, RealCase | OtherCase] = {**REAL_CASES, **{f"other {name}": case for name, case in OTHER_CASES.items()}}
 QUICK = {
     "clock_and_microseconds", "oxts_down", "midnight_clock", "nmea_degrees", "qgis_wkt", "u_blox_integers", "iphone",
     "other airdata", "other german", "other oxts", "other xsens", "turn_rates_of_the_other_sign", "rostopic_odometry",
