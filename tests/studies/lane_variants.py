@@ -26,7 +26,7 @@ from cwcli.vision import lane_detect
 from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFrame
-from cwcli.vision.vanishing import VanishingPoint
+from cwcli.vision.vanishing import VanishingPoint, find_vanishing_points
 from tests.studies.lane_halves import LOG, drawn, labelled, matches
 from tests.studies.varied_pictures import (
     HEIGHT_PX,
@@ -135,7 +135,8 @@ def score(picture: Picture, *, knows_point: bool = False) -> list[float]:
     grey: GreyImage = np.asarray(cv2.resize(picture.grey, size, interpolation=how), np.uint8)
     u, v = picture.vanishing()
     point = VanishingPoint(u * size[0] / WIDTH_PX, v * size[1] / HEIGHT_PX, votes=1.0)
-    with patch.object(lane_detect, "find_vanishing_points", return_value=[point]) if knows_point else nullcontext():
+    name = find_vanishing_points.__name__
+    with patch.object(lane_detect, name, return_value=[point]) if knows_point else nullcontext():
         fit = LaneTracker().step(LaneFrame(grey, camera, 0, 0))
     lines = drawn(fit, camera, picture.rows, HEIGHT_PX)
     truth = lanes_beside_ego(picture.lanes, picture.rows, WIDTH_PX, HEIGHT_PX)
