@@ -52,6 +52,11 @@ from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
 KEYS_OF_CAMERA_CHOICE_IN_RECORDED_LANES_CONFIGURATION = ("mounting", "topics")
 """Keys of the recorded configuration of `cwcli lanes` that say how its camera was found."""
+MAX_TIME_OF_SAME_PICTURE_NS = 1_000_000_000
+"""Longest time for which a camera gives the same bytes before it counts as frozen [ns]: noise makes each picture of a
+sensor another one. Chosen by hand."""
+FROZEN_CAMERA_REASON = "the same picture for more than a second: the camera is frozen"
+"""The reason for rejecting the frames of a frozen camera."""
 
 
 @dataclass(frozen=True)
@@ -311,13 +316,16 @@ def iter_camera_frames(
     """The frames of the span; video from its beginning, because later pictures are made from earlier ones.
 
     One whose log time is far from all others' came at no time that is known, and is rejected, with a reason. In video
-    it comes nevertheless: its picture is not to be used, but those after it are made from it.
+    it comes nevertheless: its picture is not to be used, but those after it are made from it. Frames (not of video)
+    that repeat the same bytes for more than a second are rejected, too.
 
     Args:
         log, topic, span: Where the frames are, and which are wanted.
         usual: `span_without_stray_frames` of the same.
         reject: Called with the reason of each that is rejected.
     """
+    last_data: bytes | memoryview = b""
+    new_at_ns = 0
     for frame in log.frames(topic):
         is_video = frame.format.lower() in CODEC_OF_VIDEO_FORMAT
         is_wanted = span.includes_log_time(frame.log_time_ns)
@@ -326,5 +334,11 @@ def iter_camera_frames(
         is_stray = is_wanted and not usual.includes_log_time(frame.log_time_ns)
         if is_stray:
             reject(STRAY_LOG_TIME_REASON if 0 <= frame.log_time_ns <= MAX_STAMP_NS else INVALID_LOG_TIME_REASON)
+        if is_wanted and not is_stray and not is_video:
+            if frame.data != last_data:
+                last_data, new_at_ns = frame.data, frame.log_time_ns
+            elif frame.log_time_ns - new_at_ns > MAX_TIME_OF_SAME_PICTURE_NS:
+                reject(FROZEN_CAMERA_REASON)
+                continue
         if is_video or (is_wanted and not is_stray):
             yield frame

@@ -151,6 +151,17 @@ def test_change_of_size_starts_a_new_search_and_says_so(tmp_path: Path) -> None:
     assert sections["searches started"] == 2
 
 
+def test_a_frozen_camera_is_told_and_its_frames_are_not_used(tmp_path: Path) -> None:
+    """Ten frames a second: of 30 equal ones those up to one second after the first are used."""
+    before, frozen, after = road_frames(2), road_frames(1, first=2) * 30, road_frames(2, first=3)
+    result = run(write_log(tmp_path / "road.mcap", [*before, *frozen, *after]))
+    count = result.summary.inputs[0]
+    assert (count.read, count.used) == (34, 15)
+    assert dict(count.rejected) == {"the same picture for more than a second: the camera is frozen": 19}
+    times = np.asarray(result.tables["lanes"].columns["log_time_ns"])
+    assert ((times - times[0]) // STEP_NS).tolist() == [*range(13), 32, 33]
+
+
 def test_gap_starts_a_new_search(tmp_path: Path) -> None:
     result = run(write_log(tmp_path / "road.mcap", road_frames(3), step_ns=1_000_000_000))
     assert {row[0]: row[1] for row in result.summary.sections[0].rows}["searches started"] == 3
