@@ -119,7 +119,7 @@ class Forked:
         if not self.pid:
             code = 70
             try:
-                os.setsid()
+                os.setpgid(0, 0)
                 os.chdir(folder)
                 os.environ.update(environment_of(folder))
                 tempfile.tempdir = None
@@ -139,6 +139,8 @@ class Forked:
                     sys.stderr.flush()
                 os._exit(code)
         os.close(writes)
+        with contextlib.suppress(OSError):  # the child has done it, and may have gone
+            os.setpgid(self.pid, self.pid)
 
     def terminate(self) -> None:
         """Send SIGTERM."""

@@ -27,7 +27,7 @@ from cwcli.vision.image_header import (
     has_image_end,
     read_image_header,
 )
-from cwcli.vision.opencv_versions import print_errors_only
+from cwcli.vision.opencv_versions import print_fatal_errors_only
 from cwcli.vision.ordered_threads import run_jobs_in_order
 from cwcli.vision.raw_images import GREY_ENCODINGS, RawImageError, decode_raw_as_colour, decode_raw_as_grey
 from cwcli.vision.search_clock import SearchClock
@@ -124,7 +124,7 @@ def decode_frames(
 
     n = n_threads or min(os.cpu_count() or 1, MAX_DECODING_THREADS)
     cv2.setNumThreads(1)  # the threads are ours: one frame each
-    print_errors_only()
+    print_fatal_errors_only()
 
     jobs = _iter_decoding_jobs(frames, wanted_size_of, _ColourClock(colour_every_ns), search_clock, where)
     batches = (

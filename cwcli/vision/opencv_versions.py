@@ -8,19 +8,19 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
-OPENCV_LOG_LEVEL_ERROR = 2
-"""Level of OpenCV's log from which on it prints: errors alone (`cv::utils::logging::LogLevel`)."""
+OPENCV_LOG_LEVEL_FATAL = 1
+"""Level of OpenCV's log from which on it prints: fatal errors alone (`cv::utils::logging::LogLevel`)."""
 
 
-def print_errors_only() -> None:
-    """Make OpenCV print errors, and no warnings of damaged frames, which are counted instead."""
+def print_fatal_errors_only() -> None:
+    """Make OpenCV print nothing of damaged frames, which are counted instead."""
     import cv2
 
     set_log_level = getattr(cv2, "setLogLevel", None)  # until 4
     if set_log_level is not None:
-        set_log_level(OPENCV_LOG_LEVEL_ERROR)
+        set_log_level(OPENCV_LOG_LEVEL_FATAL)
     else:
-        cv2.utils.logging.setLogLevel(OPENCV_LOG_LEVEL_ERROR)
+        cv2.utils.logging.setLogLevel(OPENCV_LOG_LEVEL_FATAL)
 
 
 def undistort_points(

@@ -364,9 +364,9 @@ def changed_database(*statements: str, name: str = "in.db3") -> Make:
     return make
 
 
-def patched_database(change: Callable[[bytearray], None]) -> Make:
+def patched_database(change: Callable[[bytearray], None], *statements: str) -> Make:
     def make(folder: Path) -> list[str]:
-        command = changed_database()(folder)
+        command = changed_database(*statements)(folder)
         data = bytearray((folder / "in.db3").read_bytes())
         change(data)
         (folder / "in.db3").write_bytes(data)

@@ -25,7 +25,9 @@ from cwcli.logs.read.reader import Log
 from tests.cli.conftest import ROOT
 from tests.cli.hostile_inputs import ATTACKS, SAMPLE
 from tests.cli.test_hostile_names import check_printed
+from tests.cli.unlisted_inputs import UNLISTED
 
+MAKERS = ATTACKS | UNLISTED
 QUICK = {
     "mcap, one chunk in 100,000 entries of the summary",
     "mcap.zst, 130 GB of zeros in 4 MB",
@@ -39,6 +41,8 @@ QUICK = {
     "db3, pages in a circle",
     "yaml, links to a device and to themselves",
     "manifest, names that climb",
+    "db3, a journal that names another file",
+    "bag, 60,000 connections that only its index has",
 }
 """The default tests: those that found something, and one of each kind. Each takes a second."""
 MOST_MB, MOST_CPU_S, LONGEST_S = 500, 5, 120
@@ -62,10 +66,10 @@ def names_below(folder: Path) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in ATTACKS]
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in MAKERS]
 )
 def test_hostile_input_stays_within_its_bounds(tmp_path: Path, name: str) -> None:
-    arguments = ATTACKS[name](tmp_path)
+    arguments = MAKERS[name](tmp_path)
     before = names_below(tmp_path)
     done = subprocess.run(
         [sys.executable, "-S", "-c", MEASURED, str(LONGEST_S), sys.executable, "-m", "cwcli", *arguments],
@@ -79,6 +83,7 @@ def test_hostile_input_stays_within_its_bounds(tmp_path: Path, name: str) -> Non
     assert "Traceback" not in said
     assert peak_mb < MOST_MB
     assert cpu_s < MOST_CPU_S
+    assert before <= names_below(tmp_path)
     left = names_below(tmp_path) - before
     assert left <= OUTPUTS if code in (EXIT_DONE, EXIT_GATE_FAILED) else not left
     for text in (printed, said):

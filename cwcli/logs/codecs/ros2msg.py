@@ -66,6 +66,8 @@ class MessageField(NamedTuple):
     length: int | None
 
 
+MAX_SCHEMA_CHARS = 4_000_000
+"""The greatest length of a schema. Chosen by hand: its lines take 20 times the memory; real ones have 0.1 million."""
 MAX_ARRAY_ELEMENTS = 1 << 24
 """The greatest number of elements of a fixed array. Chosen by hand."""
 MAX_DIGITS_OF_ARRAY_LENGTH = 18
@@ -90,8 +92,10 @@ def parse_message_definitions(
         Short name of the root message, and the fields of each message by short name.
 
     Raises:
-        SchemaError: The text can't be understood.
+        SchemaError: The text can't be understood, or is too long.
     """
+    if len(text) > MAX_SCHEMA_CHARS:
+        raise SchemaError(f"the schema has {len(text):,} characters, more than {MAX_SCHEMA_CHARS:,}")
     root = package_slash_message_name(schema_name)
     definitions: Definitions = {
         name: _parse_fields("builtin_interfaces", body, aliases) for name, body in _PREDEFINED_MESSAGES.items()

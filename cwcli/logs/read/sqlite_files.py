@@ -18,12 +18,14 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from cwcli.errors import OutputError
+from cwcli.errors import InputError, OutputError
 from cwcli.input import InputFile
 from cwcli.logs.read.read_bounds import COPY_BLOCK_BYTES
 
 WAL_SUFFIX, JOURNAL_SUFFIX = "-wal", "-journal"
 """The suffixes of a write-ahead log and of a rollback journal (https://www.sqlite.org/fileformat2.html)."""
+ROLLBACK_JOURNAL_MAGIC = bytes.fromhex("d9d505f920a163d7")
+"""The first bytes of a rollback journal, and the last ones where it names a file (sqlite.org/fileformat2.html)."""
 WAL_HEADER_STRUCT = struct.Struct(">IIIIIIII")
 """The header of a write-ahead log: magic number, version, page size in bytes, number of the checkpoint, two salts, two
 checksums (https://www.sqlite.org/walformat.html)."""
@@ -105,7 +107,7 @@ def open_database(
         notes: Gets what the journals changed, as text -> how often.
 
     Raises:
-        InputError: One of the files changed while it was copied.
+        InputError: One of the files changed while it was copied, or the journal names a file.
         OutputError: There is no room for the copy.
         sqlite3.Error: It is damaged.
     """
@@ -116,6 +118,8 @@ def open_database(
         return
     n_bytes = len(file) + sum(map(len, journals))
     kinds = {WAL_SUFFIX if each.name.endswith(WAL_SUFFIX) else JOURNAL_SUFFIX: each for each in journals}
+    for each in journals:
+        _require_journal_without_file_name(each)
     with ExitStack() as stack:
         with translate_copy_errors(file.name):
             copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="cwcli-"))) / "log.db3"
@@ -141,6 +145,18 @@ def open_database(
                 shown = Path(kinds[JOURNAL_SUFFIX].name).name
                 _add_positive_note(notes, f"unfinished changes undone by the rollback journal ({shown})", 1)
             yield database
+
+
+def _require_journal_without_file_name(journal: InputFile) -> None:
+    """Refuse a rollback journal that ends with the name of a super-journal: SQLite would remove that file, whichever.
+
+    Raises:
+        InputError: It does.
+    """
+    n = len(ROLLBACK_JOURNAL_MAGIC)
+    if len(journal) >= n and bytes(journal[len(journal) - n :]) == ROLLBACK_JOURNAL_MAGIC:
+        what = "it names another file, as of a change to several databases at once, which is not read"
+        raise InputError(what, where=journal.name, hint="open the database with SQLite where it was written")
 
 
 def _open_connection(uri: str, max_value_bytes: int, n_bytes: int) -> sqlite3.Connection:

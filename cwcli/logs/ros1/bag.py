@@ -66,6 +66,10 @@ CHECKSUM_OF_ANY_TYPE = "*"
 """The checksum of a connection that takes every type."""
 MAX_TYPE_NAME_CHARS = 512
 """The greatest length of a type's name. Chosen by hand."""
+MAX_KINDS_OF_FAULTS, MAX_FAULT_CHARS = 300, 300
+"""The greatest number of different notes on a bag, and the length at which one is cut. Chosen by hand."""
+FURTHER_FAULTS_NOTE = "faults of further kinds"
+"""The note on what would be one note more than that."""
 DAMAGED_CHUNKS_NOTE = "damaged chunks"
 """The note on chunks that were read in part or not at all."""
 UNFINISHED_BAG_NOTE = "a bag without an index, or cut: messages may be missing at its end"
@@ -360,7 +364,10 @@ class BagReader:
                 self._count_fault("messages that the index does not count", n_more)
 
     def _count_fault(self, what: str, n: int = 1) -> None:
-        self._source.notes[what] = self._source.notes.get(what, 0) + n
+        notes, note = self._source.notes, what[:MAX_FAULT_CHARS]
+        if note not in notes and len(notes) >= MAX_KINDS_OF_FAULTS:
+            note = FURTHER_FAULTS_NOTE
+        notes[note] = notes.get(note, 0) + n
 
     def _count_missing_end_once(self) -> None:
         """Note, once, that the end of the bag is missing; raise as `_count_damage_or_raise` does."""

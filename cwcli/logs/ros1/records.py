@@ -246,6 +246,8 @@ def _chunk_offset_around_mark(file: InputFile, mark: int, start: int) -> int | N
     """Return the place of the chunk whose header has its mark at a place."""
     first = max(start, mark - MAX_CHUNK_HEADER_BYTES)
     window = bytes(file[first : mark + MAX_CHUNK_HEADER_BYTES])
+    if b"compression=" not in window or b"size=" not in window:
+        return None
     for at in range(mark - first - LENGTH_STRUCT.size, -1, -1):
         (n,) = LENGTH_STRUCT.unpack_from(window, at)
         end = at + LENGTH_STRUCT.size + n

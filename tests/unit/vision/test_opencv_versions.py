@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.vision.opencv_versions import OPENCV_LOG_LEVEL_ERROR, print_errors_only, undistort_points
+from cwcli.vision.opencv_versions import OPENCV_LOG_LEVEL_FATAL, print_fatal_errors_only, undistort_points
 
 MATRIX = np.array([[900.0, 0.0, 640.0], [0.0, 890.0, 360.0], [0.0, 0.0, 1.0]])
 COEFFICIENTS = np.array([-0.31, 0.12, 1e-3, -5e-4, -0.02])
@@ -42,5 +42,5 @@ def test_opencv_4_iterates_in_a_function_of_its_own(monkeypatch: pytest.MonkeyPa
 def test_opencv_4_is_quiet_by_another_function(monkeypatch: pytest.MonkeyPatch) -> None:
     levels: list[int] = []
     monkeypatch.setattr(cv2, "setLogLevel", levels.append, raising=False)
-    print_errors_only()
-    assert levels == [OPENCV_LOG_LEVEL_ERROR]
+    print_fatal_errors_only()
+    assert levels == [OPENCV_LOG_LEVEL_FATAL]
