@@ -113,6 +113,7 @@ def import_files(
     answers: Answers,
     target: str | None,
     *,
+    mapping_file: str | None = None,
     force: bool = False,
     progress: Callable[[float, float], None] | None = None,
 ) -> ImportReport:
@@ -120,6 +121,7 @@ def import_files(
 
     Args:
         target: The log, "-" for standard output, None to write none.
+        mapping_file: The mapping file that is written with it.
         progress: Called now and then with the share that is done and the whole, 1, in a thread of its own.
 
     Raises:
@@ -146,6 +148,7 @@ def import_files(
         "files": list(files),
         "answers": answer_by_name | {"columns": [[*key, *value] for key, value in answers.columns.items()]},
         "target": target,
+        "mapping_file": mapping_file,
         "force": force,
         "stdout": None,
         "progress": None,
@@ -193,7 +196,13 @@ def import_requested_files_in_own_process(request: dict[str, Any]) -> dict[str, 
             plan = plan_import(request["files"], answers)
         if request["target"] is not None:
             with report_work_share_to(report.report_share), part_of_work(READING_TIME_SHARE, 1.0, "messages"):
-                write_import(plan, request["target"], force=request["force"], inputs=inputs)
+                write_import(
+                    plan,
+                    request["target"],
+                    mapping_file=request["mapping_file"],
+                    force=request["force"],
+                    inputs=inputs,
+                )
             sys.stdout.flush()
     return {
         "kinds": dict(plan.kinds),

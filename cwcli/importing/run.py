@@ -288,23 +288,28 @@ def write_import(
     plan: ImportPlan,
     target: str,
     *,
+    mapping_file: str | None = None,
     force: bool = False,
     inputs: Sequence[InputFile] = (),
 ) -> None:
-    """Write the log, unless an input has changed since it was opened.
+    """Write the log, and the mapping file, both or none; none if an input has changed since it was opened.
 
     Raises:
         InputError: An input has changed.
-        OutputError: The log can't be written.
+        OutputError: One can't be written.
     """
     from cwcli.logs.write.writer import LogWriter
+    from cwcli.output import AtomicGroup, open_output, write_file
 
-    with LogWriter(target, force=force) as log:
-        for _, channel in plan.channels:
-            log.write_columns(channel)
-        for recording in plan.recordings:
-            recording.write(log)
-        log.add_metadata(METADATA_NAME, {"files": ", ".join(plan.kinds), "mapping": plan.mapping_text()})
-        for each in inputs:
-            each.check_unchanged()
-        log.close()
+    with AtomicGroup() as together:
+        if mapping_file is not None:
+            write_file(mapping_file, plan.mapping_text().encode(), force=force, together=together)
+        with open_output(target, force=force, together=together) as output, LogWriter(output) as log:
+            for _, channel in plan.channels:
+                log.write_columns(channel)
+            for recording in plan.recordings:
+                recording.write(log)
+            log.add_metadata(METADATA_NAME, {"files": ", ".join(plan.kinds), "mapping": plan.mapping_text()})
+            for each in inputs:
+                each.check_unchanged()
+            log.close()

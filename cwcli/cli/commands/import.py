@@ -109,31 +109,37 @@ def command(
     """
     from cwcli.importing.bounded_import import import_files
     from cwcli.importing.mapping import mapping_file_name
-    from cwcli.output import refuse_unwritable_targets, write_file
+    from cwcli.output import refuse_unwritable_targets
 
     if output is None and not preview:
         raise UsageError("no output is named", hint="-o log.mcap, or --preview")
     target = str(replace_stdout_path_by_dash(output or "-"))
     if target == "-" and talk.json and not preview:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
-    mapping_file = mapping_file_name(target) if target != "-" else None
+    mapping_file = mapping_file_name(target) if target != "-" and not preview else None
+    if mapping_file == mapping:
+        mapping_file = None
     if not preview:
-        own = mapping_file if mapping_file != mapping else None
-        refuse_unwritable_targets([target, own], force=force, inputs=files)
+        refuse_unwritable_targets([target, mapping_file], force=force, inputs=files)
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-" and not preview)
     merged_answers = _merge_options_and_mapping_file(answers, mapping)
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step(f"import {', '.join(files)}")
         follow = progress if progress.is_shown else None
-        report = import_files(files, merged_answers, None if preview else target, force=force, progress=follow)
-    if not preview and mapping_file is not None and mapping_file != mapping:
-        write_file(mapping_file, report.mapping_text.encode(), force=force)
+        report = import_files(
+            files,
+            merged_answers,
+            None if preview else target,
+            mapping_file=mapping_file,
+            force=force,
+            progress=follow,
+        )
     if talk.json:
         console.print_document("import", _import_document(report, None if preview else target))
         return
     _print_report(console, report)
     if not preview and target != "-":
-        print_written_files(console, [target, *([mapping_file] if mapping_file not in (None, mapping) else [])])
+        print_written_files(console, [target, *([mapping_file] if mapping_file is not None else [])])
 
 
 def _merge_options_and_mapping_file(options: AnswerOptions, mapping: str | None) -> Answers:

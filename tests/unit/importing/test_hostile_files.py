@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.errors import CwcliError, DataError, InputError, UsageError
+from cwcli.errors import CwcliError, DataError, InputError, OutputError, UsageError
 from cwcli.importing.mapping import parse_table_quantity_and_column_unit, read_mapping
 from cwcli.importing.readers import load_kind
 from cwcli.importing.run import ImportPlan, plan_import, write_import
@@ -465,3 +465,13 @@ def test_longitudes_without_a_latitude_stay_what_they_are(tmp_path: Path) -> Non
     assert not np.isfinite(batch["GPS_Latitude"]).any()
     assert np.isfinite(batch["GPS_Longitude"]).all()
     assert not any("is put to the times" in note for note in table.notes)
+
+
+def test_log_and_mapping_file_are_written_together(tmp_path: Path) -> None:
+    """Where the disk was full behind the log, it was left alone, with exit code 6."""
+    made = plan(table(tmp_path, T))
+    with pytest.raises(OutputError):
+        write_import(made, str(tmp_path / "log.mcap"), mapping_file=str(tmp_path / "no folder" / "log.import.toml"))
+    assert not (tmp_path / "log.mcap").exists()
+    write_import(made, str(tmp_path / "log.mcap"), mapping_file=str(tmp_path / "log.import.toml"))
+    assert (tmp_path / "log.import.toml").read_text() == made.mapping_text()
