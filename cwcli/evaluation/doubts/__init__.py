@@ -1,6 +1,7 @@
 """The doubts: reasons not to believe the results on a log, one file each or each family, and one line each here.
 
-The table is in order of weight: the first kind spoils most. Other packages add theirs in the group `cwcli.doubts`.
+The table is in order of weight: the first kind spoils most, and what cwcli has repaired comes last. Other packages add
+theirs in the group `cwcli.doubts`.
 The digest, the page, the table of a fleet and the metric `doubts.count` take them from here.
 """
 
@@ -32,7 +33,6 @@ DOUBT_RULES: Registry[DoubtRule] = Registry(
     "cwcli.doubts",
     {
         "contradiction": "cwcli.evaluation.doubts.sources:CONTRADICTION_RULE",
-        "correction": "cwcli.evaluation.doubts.sources:CORRECTION_RULE",
         "speed": "cwcli.evaluation.doubts.implausible:SPEED_RULE",
         "acceleration": "cwcli.evaluation.doubts.implausible:ACCELERATION_RULE",
         "lateral-acceleration": "cwcli.evaluation.doubts.implausible:LATERAL_ACCELERATION_RULE",
@@ -49,6 +49,7 @@ DOUBT_RULES: Registry[DoubtRule] = Registry(
         "late": "cwcli.evaluation.doubts.recording:LATE_STATES_RULE",
         "rejected": "cwcli.evaluation.doubts.recording:REJECTED_MESSAGES_RULE",
         "damaged": "cwcli.evaluation.doubts.recording:DAMAGED_FILE_RULE",
+        "correction": "cwcli.evaluation.doubts.sources:CORRECTION_RULE",
         "no-truth": "cwcli.evaluation.doubts.states:NO_TRUTH_RULE",
     },
     accept_dataclass_of(DoubtRule, {"find": _check_findings}),
@@ -77,9 +78,10 @@ def find_remarks_in_evidence(evidence: DoubtEvidence) -> tuple[Doubt, ...]:
 
 def _find_doubts_or_remarks_by_rules(evidence: DoubtEvidence, *, remarks: bool) -> tuple[Doubt, ...]:
     """Apply the rules that find remarks, or the others."""
-    return tuple(
+    found = [
         doubt
         for name, rule in DOUBT_RULES.items()
         if rule.is_remark is remarks
         for doubt in rule.find_doubts(name, evidence)
-    )
+    ]
+    return tuple(sorted(found, key=lambda doubt: doubt.is_repaired))

@@ -98,12 +98,6 @@ DOUBTFUL = [
         1.0,
         "The speed in /wheel contradicts the position in /fix: 3.6 times the way.",
     ),
-    (
-        "correction",
-        evidence(more={"corrections": ["ego_speed (/wheel) is in km/h, not m/s: converted"]}),
-        1.0,
-        "The speed in /wheel is in km/h, not m/s: converted.",
-    ),
     ("speed", evidence(ego=states(speed=-211.0 / 3.6)), 211.0, "The estimate has a speed of 211 km/h at 0 s."),
     ("acceleration", evidence(ego=states(accel=20.0)), 20.0, "The estimate has an acceleration of 20 m/s² at 0 s."),
     (
@@ -188,6 +182,12 @@ DOUBTFUL = [
         "50 % of the messages of /gps/fix could not be used (most: no fix).",
     ),
     ("damaged", evidence(faults={"chunks lost": 2}), 2.0, "The file is damaged (chunks lost: 2)."),
+    (
+        "correction",
+        evidence(more={"corrections": ["ego_speed (/wheel) is in km/h, not m/s: converted"]}),
+        1.0,
+        "The speed in /wheel is in km/h, not m/s: converted.",
+    ),
 ]
 
 
@@ -202,6 +202,14 @@ def test_doubt_is_found_alone_with_its_number(name: str, found: DoubtEvidence, v
 
 def test_every_doubt_has_a_case() -> None:
     assert [case[0] for case in DOUBTFUL] == [name for name, rule in DOUBT_RULES.items() if not rule.is_remark]
+
+
+def test_what_was_repaired_comes_behind_what_is_not() -> None:
+    """A headline "a wrong sensor was corrected" before a speed of 211 km/h would hide the worse of both."""
+    found = find_doubts_in_evidence(
+        evidence(more={"corrections": ["ego_speed (/w) is in km/h: converted"]}, ego=states(speed=-211.0 / 3.6))
+    )
+    assert [(doubt.name, doubt.is_repaired) for doubt in found] == [("speed", False), ("correction", True)]
 
 
 INNOCENT = {
