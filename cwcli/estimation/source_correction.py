@@ -8,11 +8,12 @@ import numpy as np
 
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
+from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.imu_hypotheses import find_imu_unit_sign_or_axis_fault
 from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.passes import SensorSeries
-from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
+from cwcli.estimation.prepare import PreparedSeries, seconds_since_zero_time
 from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE, Judgement, SourceComparison
 from cwcli.estimation.source_hypotheses import (
     MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
@@ -41,6 +42,8 @@ class CorrectionAttempt:
     Attributes:
         measurements, prepared, notes: As `JudgedSources`.
         correction: What was corrected.
+        hypothesis: Of all rows of its source.
+        gain: Log-likelihood of it beyond that of the values as they are.
         unused: Quantities of the source that still contradict the others and are left out.
     """
 
@@ -48,6 +51,8 @@ class CorrectionAttempt:
     prepared: list[PreparedSeries]
     notes: list[str]
     correction: Correction
+    hypothesis: Hypothesis
+    gain: float
     unused: tuple[SourceQuantity, ...] = ()
 
 
@@ -57,8 +62,16 @@ def correct_one_contradicted_source(
     comparisons: Sequence[SourceComparison],
     prepare: Prepare,
     trusted: Collection[str],
+    zero_ns: int,
 ) -> CorrectionAttempt | None:
-    """Return the measurements with the correction that clearly explains a contradiction best; None without one."""
+    """Return the measurements with the correction that clearly explains a contradiction best; None without one.
+
+    Args:
+        measurements, prepared, comparisons: Measurements, their series, and comparisons of these.
+        prepare: Cleans measurements.
+        trusted: Sources that are not corrected.
+        zero_ns: Stamp from which the times of the series count.
+    """
     usable = [p.series for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE and not p.series.is_exact]
     contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT]
     suspects = {who for each in contrary for who in (each.one, each.other)} | {
@@ -86,21 +99,21 @@ def correct_one_contradicted_source(
         and not (s.kind in KINDS_THAT_IMU_MEASURES_TOO and s.source in imus)
         and (found := find_fault(level, i)) is not None
     ]
-    attempts = [
-        (found.gain, found.who, _correct_measurements_by_finding(measurements, found, prepare)) for found in findings
-    ]
+    attempts = [_correct_measurements_by_finding(measurements, found, prepare) for found in findings]
     for source in suspected_imus:
-        tried = gain_and_attempt_of_imu_correction(imus[source], measurements, level, prepare)
+        tried = attempt_imu_correction(imus[source], measurements, level, prepare, zero_ns)
         if tried is not None:
-            attempts.append((tried[0], SourceQuantity(source, Kind.IMU), tried[1]))
+            attempts.append(tried)
     # A wrong position shows on a map; so it is corrected only where nothing else explains the contradiction, not even
     # in several ways, of which none is clear.
-    attempts.sort(key=lambda each: (each[1].kind is Kind.POSITION, -each[0]))
-    for gain, who, attempt in attempts:
+    attempts.sort(key=lambda each: (each.correction.who.kind is Kind.POSITION, -each.gain))
+    for attempt in attempts:
+        who = attempt.correction.who
         rivals = (
-            other_gain
-            for other_gain, other, _ in attempts
-            if other.kind is not Kind.POSITION and _do_sources_contradict_each_other(contrary, who, other)
+            each.gain
+            for each in attempts
+            if each.correction.who.kind is not Kind.POSITION
+            and _do_sources_contradict_each_other(contrary, who, each.correction.who)
         )
         if who.kind is Kind.POSITION:
             rivals = (
@@ -110,7 +123,7 @@ def correct_one_contradicted_source(
                 and _do_sources_contradict_each_other(contrary, who, SourceQuantity(s.source, s.kind))
                 and (found := find_fault(level, i, may_be_ambiguous=True)) is not None
             )
-        if all(gain - other_gain >= MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT for other_gain in rivals):
+        if all(attempt.gain - other_gain >= MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT for other_gain in rivals):
             return attempt
     return None
 
@@ -143,21 +156,24 @@ def _correct_measurements_by_finding(
         for m in measurements
     ]
     own = next(m for m in measurements if SourceQuantity(m.source, m.kind) == finding.who)
-    return CorrectionAttempt(
-        corrected, *prepare(corrected), correction_of_all_rows(own, finding.hypothesis, finding.evidence_text)
-    )
+    correction = correction_of_all_rows(own, finding.hypothesis, finding.evidence_text)
+    return CorrectionAttempt(corrected, *prepare(corrected), correction, finding.hypothesis, finding.gain)
 
 
-def gain_and_attempt_of_imu_correction(
-    imu: Measurements, measurements: Sequence[Measurements], levelled_series: Sequence[SensorSeries], prepare: Prepare
-) -> tuple[float, CorrectionAttempt] | None:
-    """Return gain and measurements with units, signs and axes of an IMU corrected; None where none clearly wins."""
+def attempt_imu_correction(
+    imu: Measurements,
+    measurements: Sequence[Measurements],
+    levelled_series: Sequence[SensorSeries],
+    prepare: Prepare,
+    zero_ns: int,
+) -> CorrectionAttempt | None:
+    """Return the measurements with units, signs and axes of an IMU corrected; None where none clearly wins."""
     others = [s for s in levelled_series if s.source != imu.source]
     if not any(s.kind is Kind.POSITION for s in others):
         return None
     rows = np.flatnonzero(np.isfinite(imu.values).all(axis=1))
     rows = rows[np.argsort(imu.stamp_ns[rows], kind="stable")]
-    time_s = seconds_since_zero_time(imu.stamp_ns[rows], earliest_stamp_ns(measurements))
+    time_s = seconds_since_zero_time(imu.stamp_ns[rows], zero_ns)
     found = find_imu_unit_sign_or_axis_fault(time_s, imu.values[rows], others)
     if found is None:
         return None
@@ -189,4 +205,4 @@ def gain_and_attempt_of_imu_correction(
             correction,
             action=f"{correction.action}; its acceleration is not used, because its forward axis is not clear",
         )
-    return found.gain, CorrectionAttempt(corrected, prepared, notes, correction, unused)
+    return CorrectionAttempt(corrected, prepared, notes, correction, hypothesis, found.gain, unused)

@@ -1,9 +1,9 @@
 """Judge the sources before anything is estimated: correct what is wrong in a known way, leave out what is not.
 
-First what the user says (`--as`), then what no sensor of a car can read (`odd_sensors`). Where sources still contradict
-each other, the hypotheses of `hypotheses` are tried, and the one that clearly wins is applied (`source_hypotheses`).
-What still contradicts the others is left out by vote (`source_vote`). Rows that are wrong although the rest of their
-source is right are set aside and counted.
+First what the user says (`--as`), then what changes in mid-log (`source_pieces`) and what no sensor of a car can read
+(`odd_sensors`). Where sources still contradict each other, the hypotheses of `hypotheses` are tried, and the one that
+clearly wins is applied (`source_hypotheses`). What still contradicts the others is left out by vote (`source_vote`).
+Rows that are wrong although the rest of their source is right are set aside and counted.
 """
 
 from __future__ import annotations
@@ -32,10 +32,11 @@ from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
 from cwcli.estimation.source_correction import (
     CorrectionAttempt,
     Prepare,
+    attempt_imu_correction,
     correct_one_contradicted_source,
-    gain_and_attempt_of_imu_correction,
 )
 from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
+from cwcli.estimation.source_pieces import correct_and_list_sources_that_change, find_contradicting_pieces
 from cwcli.estimation.source_vote import (
     emptied_series,
     find_unchecked_quantities,
@@ -101,8 +102,14 @@ def judge_sources(
         prepared, notes = prepare(measurements)
         found = leave_out_outvoted_sources(prepared, trusted).contradictions
         return JudgedSources(prepared, notes, (), tuple(each.with_left_out() for each in found))
+    zero_ns = earliest_stamp_ns(measurements)
     current, corrections = set_wrong_rows_aside_and_list_them(measurements, trusted)
     prepared, notes = prepare(current)
+    has_pieces = bool(find_contradicting_pieces(prepared, current))
+    if has_pieces:
+        current, in_part = correct_and_list_sources_that_change(current, prepared, prepare, trusted)
+        corrections += in_part
+        prepared, notes = prepare(current)
     unused: set[SourceQuantity] = set()
 
     def apply_correction_attempt(attempt: CorrectionAttempt) -> None:
@@ -122,9 +129,9 @@ def judge_sources(
                 for p in prepared
                 if p.series.source != m.source and len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE
             ]
-            tried = gain_and_attempt_of_imu_correction(m, current, others, prepare)
+            tried = attempt_imu_correction(m, current, others, prepare, zero_ns)
             if tried is not None:
-                apply_correction_attempt(tried[1])
+                apply_correction_attempt(tried)
     # Where the other sources cannot tell, size and direction of the values still do.
     current, impossible = correct_and_list_imu_units_and_tilt(current, trusted)
     if impossible:
@@ -134,19 +141,31 @@ def judge_sources(
         voted = leave_out_outvoted_sources(prepared, trusted)
         if not voted.contradictions and not _does_any_heading_jump(prepared):
             break
-        attempt = correct_one_contradicted_source(current, prepared, voted.comparisons, prepare, trusted)
+        attempt = correct_one_contradicted_source(current, prepared, voted.comparisons, prepare, trusted, zero_ns)
         if attempt is None:
             break
         apply_correction_attempt(attempt)
-    current, turned_imus = correct_and_list_turned_imus(current, voted.prepared, trusted)
-    current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
-    if turned_imus or scaled:
-        corrections += [*turned_imus, *scaled]
+
+    def prepare_and_vote_again() -> None:
+        nonlocal prepared, notes, voted
         prepared, notes = prepare(current)
         voted = leave_out_outvoted_sources(
             [replace(p, series=emptied_series(p.series)) if quantity_of_series(p) in unused else p for p in prepared],
             trusted,
         )
+
+    if has_pieces:
+        current, in_part = correct_and_list_sources_that_change(
+            current, voted.prepared, prepare, trusted, sets_aside=True
+        )
+        if in_part:
+            corrections += in_part
+            prepare_and_vote_again()
+    current, turned_imus = correct_and_list_turned_imus(current, voted.prepared, trusted)
+    current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
+    if turned_imus or scaled:
+        corrections += [*turned_imus, *scaled]
+        prepare_and_vote_again()
     unchecked = find_unchecked_quantities(voted.prepared, voted.comparisons)
     return JudgedSources(voted.prepared, notes, tuple(corrections), voted.contradictions, unchecked)
 
