@@ -138,8 +138,12 @@ def _first_rows_after_jumps(time_s: FloatArray, values: EastNorthRows, bound: _M
     for before in (True, False):
         differs_m = np.full(len(step_s), np.inf)
         one, other = (slice(1, None), slice(None, -1)) if before else (slice(None, -1), slice(1, None))
-        # A step is compared with a car that keeps the velocity of the step beside it.
-        differs_m[one] = np.hypot(*(step_m[one] - velocity_mps[other] * step_s[one][:, None]).T)
+        # A step is compared with a car that keeps the velocity of the step beside it, and with that step: where stamps
+        # err, so does the velocity.
+        differs_m[one] = np.minimum(
+            np.hypot(*(step_m[one] - velocity_mps[other] * step_s[one][:, None]).T),
+            np.hypot(*(step_m[one] - step_m[other]).T),
+        )
         jump_m = np.minimum(jump_m, differs_m)
     least_m = bound.least_jump_m + 0.5 * MAX_CAR_ACCELERATION_MPS2 * step_s**2
     rows = np.flatnonzero((jump_m > least_m) & (step_s < MAX_FIX_INTERVAL_OF_JUMP_S)) + 1

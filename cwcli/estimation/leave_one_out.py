@@ -9,6 +9,7 @@ Only an IMU is left out all the same, because it has no position; the fixes then
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
@@ -23,6 +24,7 @@ from cwcli.estimation.fix_scatter import (
 from cwcli.estimation.latency import LatencyStatus
 from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind
+from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
@@ -30,9 +32,14 @@ from cwcli.estimation.result import SourceReport
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 from cwcli.estimation.sensor_limits import LATENCY_CHANGE_PER_SECOND_RANGE
 from cwcli.estimation.slow_drift import find_contradictions_of_drifting_fixes
+from cwcli.estimation.source_checks import MIN_STEPS_OF_ONE_LENGTH
+from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
 from cwcli.estimation.source_vote import emptied_series, quantity_of_series
+from cwcli.estimation.step_evidence import MIN_COURSE_SPEED_MPS
 from cwcli.estimation.tolerances import MAX_GATED_ROW_SHARE
 from cwcli.lazy_dataclass import replace
+from cwcli.signals.angles import wrap_angle
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 
 MAX_UNDOUBTED_SLOW_ERROR_SIGMA_M = 2.5
 """Greatest sigma on each axis of a slow error of fixes that raises no doubt, m. The GPS Standard Positioning Service
@@ -44,6 +51,10 @@ MIN_LOG_LIKELIHOOD_GAIN_TO_LEAVE_OUT = 10.0 * MIN_LIKELIHOOD_GAIN_PER_PARAMETER
 is fitted anew and errors last."""
 MAX_UNDOUBTED_GATED_ROW_SHARE = 0.01
 """Greatest share of gated rows that raises no doubt: ten times what the gate rejects by chance. Chosen by hand."""
+
+MIN_CONSTANT_ANGLE_IN_SCATTERS = 2.0
+"""Least median angle between a heading and the course, in scatters of that of a step, that counts as constant. Chosen
+by hand: a heading that lags, wanders or changes scatters by as much as it differs."""
 
 _MEASURED_MOTIONS_BY_KIND = {
     Kind.VELOCITY: frozenset({"along", "turning"}),
@@ -239,15 +250,46 @@ def _log_likelihood_of_other_used_sources(
 
 
 def contradiction_of_spoiling_sources(
-    reports: Sequence[SourceReport], left_out: Sequence[SourceQuantity]
+    reports: Sequence[SourceReport], left_out: Sequence[SourceQuantity], prepared: Sequence[PreparedSeries]
 ) -> Contradiction:
-    """Return the contradiction of what was left out against the position; its allies are those who can judge it."""
+    """Return the contradiction of what was left out against the position; its allies are those who can judge it.
+
+    Args:
+        reports: Those without it.
+        left_out: What was left out.
+        prepared: All series.
+    """
     used = [SourceQuantity(r.source, r.kind) for r in reports if r.n_used and r.source != left_out[0].source]
     position = next(SourceQuantity(r.source, r.kind) for r in reports if r.n_used and r.kind is Kind.POSITION)
     who = left_out[0] if len(left_out) == 1 else SourceQuantity(left_out[0].source, Kind.IMU)
     if not can_third_source_judge(reports, left_out):
         what = "the fixes are smooth without it, and not with it"
         return Contradiction(who, position, what, left_out=tuple(left_out))
+    own, fixes = (next(p.series for p in prepared if quantity_of_series(p) == each) for each in (left_out[0], position))
+    angle_rad = constant_angle_to_course_rad(own, fixes) if own.kind is Kind.HEADING else math.nan
+    if abs(angle_rad) > 0.0 and not any(each.kind in (Kind.HEADING, Kind.VELOCITY) for each in used):
+        side = "left" if angle_rad > 0.0 else "right"
+        what = f"it points {abs(math.degrees(angle_rad)):.1f} degrees to the {side} of the way of the fixes throughout"
+        return Contradiction(who, position, what, left_out=tuple(left_out))
     allies = tuple(each for each in used if each.source != position.source)
     what = "the others agree without it, and not with it"
     return Contradiction(who, position, what, allies, tuple(left_out))
+
+
+def constant_angle_to_course_rad(heading: SensorSeries, fixes: SensorSeries) -> float:
+    """Return the angle from the course of the fixes to a heading where it is the same all along; else NaN, rad.
+
+    A rate of turn does not judge such an angle: the map may be turned as well.
+    """
+    motions, _ = step_motions_and_edges_for_evidence([fixes, heading])
+    if not motions:
+        return math.nan
+    course, own = motions
+    with np.errstate(invalid="ignore"):
+        rows = np.isfinite(own.angle_rad) & (course.speed_mps > MIN_COURSE_SPEED_MPS)
+    difference = np.asarray(wrap_angle(own.angle_rad - course.angle_rad))[rows]
+    if len(difference) < MIN_STEPS_OF_ONE_LENGTH:
+        return math.nan
+    middle = median_of_finite_values(difference)
+    scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(difference - middle))
+    return middle if abs(middle) > MIN_CONSTANT_ANGLE_IN_SCATTERS * scatter else math.nan

@@ -100,15 +100,16 @@ def align_source_clocks_and_note(
         The measurements, and what the user is told.
     """
     original_measurements = measurements
-    measurements, wrong_units = _replace_stamps_of_wrong_rate_and_note(measurements, trusted)
+    # Of stamps that are cut to 1 s a short log shows another rate.
     measurements, coarse = _replace_coarse_stamps_and_note(measurements, trusted)
+    measurements, wrong_units = _replace_stamps_of_wrong_rate_and_note(measurements, trusted)
     clocks = {
         source: clock
         for source in dict.fromkeys(m.source for m in measurements)
         if (clock := _delays_of_source_or_none([m for m in measurements if m.source == source])) is not None
     }
     shifts_s: dict[str, list[tuple[int, float]]] = {}
-    notes = [*wrong_units, *coarse]
+    notes = [*coarse, *wrong_units]
     for source in [s for s in clocks if s not in trusted]:
         found = [
             *_log_times_and_shifts_at_own_clock_steps(source, clocks, notes),

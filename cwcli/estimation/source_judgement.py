@@ -8,7 +8,6 @@ Rows that are wrong although the rest of their source is right are set aside and
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
@@ -21,12 +20,11 @@ from cwcli.estimation.distance_ratio import correct_and_list_scaled_speeds
 from cwcli.estimation.fix_scatter import scatter_about_neighbours
 from cwcli.estimation.frozen_rows import FixMotion, frozen_row_mask
 from cwcli.estimation.hypotheses import UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND
-from cwcli.estimation.hypotheses.base import Hypothesis, compose_hypothesis_by_name
+from cwcli.estimation.hypotheses.base import compose_hypothesis_by_name
+from cwcli.estimation.imu_against_motion import correct_imus_and_find_contradictions_of_motion
 from cwcli.estimation.jumping_fixes import fixes_jumped_away_mask
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
-from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
 from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
 from cwcli.estimation.source_correction import (
@@ -35,7 +33,6 @@ from cwcli.estimation.source_correction import (
     attempt_imu_correction,
     correct_one_contradicted_source,
 )
-from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
 from cwcli.estimation.source_pieces import correct_and_list_sources_that_change, find_contradicting_pieces
 from cwcli.estimation.source_vote import (
     emptied_series,
@@ -44,26 +41,13 @@ from cwcli.estimation.source_vote import (
     quantity_of_series,
 )
 from cwcli.estimation.standstill_heading import has_heading_jumps, heading_flipped_at_standstill_mask
-from cwcli.estimation.step_motion import covered_step_mask, means_between_edges
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.signals.columns import AccelGyroRows, FloatArray
+from cwcli.signals.columns import FloatArray
 
 SourceUnits = Mapping[str, str]
 """Source -> name of a hypothesis that the user says, see `UNIT_AND_CONVENTION_HYPOTHESES_BY_KIND`."""
 MAX_CORRECTED_SOURCES = 6
 """Greatest number of sources that are corrected one after the other. Chosen by hand."""
-MIN_CORRECTED_MOUNTING_YAW_RAD = math.radians(6.0)
-"""Least angle that is corrected: less adds a tenth of the lateral acceleration to the forward one. Chosen by hand; not
-fitted."""
-MIN_TIME_STEPS_WITH_IMU_AND_FIXES = 10
-"""Least number of time steps with accelerations by both the IMU and the fixes. Chosen by hand; not fitted."""
-MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS = 0.8
-"""Least correlation of the turned accelerations with those of the fixes. Chosen by hand; not fitted."""
-MIN_MOUNTING_YAW_IN_SIGMAS = 4.0
-"""Least angle in its sigmas: one log without a fault in 16,000. Not fitted."""
-MIN_RMS_ACCELERATION_OF_FIXES_MPS2 = 0.5
-"""Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows. Chosen
-by hand; not fitted."""
 STANDSTILL_CHECK_WINDOW_S = 2.0
 """Time in s over which the fixes show whether the car stands. Chosen by hand."""
 
@@ -108,8 +92,7 @@ def judge_sources(
     has_pieces = bool(find_contradicting_pieces(prepared, current))
     if has_pieces:
         current, in_part = correct_and_list_sources_that_change(current, prepared, prepare, trusted)
-        corrections += in_part
-        prepared, notes = prepare(current)
+        corrections, (prepared, notes) = corrections + in_part, prepare(current)
     unused: set[SourceQuantity] = set()
 
     def apply_correction_attempt(attempt: CorrectionAttempt) -> None:
@@ -161,13 +144,14 @@ def judge_sources(
         if in_part:
             corrections += in_part
             prepare_and_vote_again()
-    current, turned_imus = correct_and_list_turned_imus(current, voted.prepared, trusted)
+    current, turned_imus, wrong_maps = correct_imus_and_find_contradictions_of_motion(current, voted.prepared, trusted)
     current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
     if turned_imus or scaled:
         corrections += [*turned_imus, *scaled]
         prepare_and_vote_again()
+    contradictions = (*wrong_maps, *voted.contradictions)
     unchecked = find_unchecked_quantities(voted.prepared, voted.comparisons)
-    return JudgedSources(voted.prepared, notes, tuple(corrections), voted.contradictions, unchecked)
+    return JudgedSources(voted.prepared, notes, tuple(corrections), contradictions, unchecked)
 
 
 def _does_any_heading_jump(prepared: Sequence[PreparedSeries]) -> bool:
@@ -230,107 +214,6 @@ def correct_and_list_imu_units_and_tilt(
                 corrections.append(correction_of_all_rows(m, *tilt))
         corrected.append(own)
     return corrected, corrections
-
-
-def correct_and_list_turned_imus(
-    measurements: Sequence[Measurements], prepared: Sequence[PreparedSeries], trusted: Collection[str] = ()
-) -> tuple[list[Measurements], list[Correction]]:
-    """Return the measurements with level IMUs that are turned about the vertical turned back.
-
-    Args:
-        measurements: Measurements.
-        prepared: Their series, after what contradicts the others was left out.
-        trusted: Sources that are not corrected.
-    """
-    fixes = [
-        p.series for p in prepared if p.series.kind is Kind.POSITION and len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE
-    ]
-    level = {p.series.source for p in prepared if p.mounting is not None and len(p.series)}
-    corrected: list[Measurements] = []
-    corrections: list[Correction] = []
-    for m in measurements:
-        found = None
-        if m.kind is Kind.IMU and fixes and m.source in level - {*trusted}:
-            rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
-            rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
-            time_s = seconds_since_zero_time(m.stamp_ns[rows], earliest_stamp_ns(measurements))
-            helpers = [
-                p.series
-                for p in prepared
-                if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE
-                and (p.series.kind is Kind.SPEED or (p.series.kind is Kind.YAW_RATE and p.series.source == m.source))
-            ]
-            found = find_imu_yaw_hypothesis_and_evidence(time_s, m.values[rows], [fixes[0], *helpers])
-        if found is not None:
-            corrections.append(correction_of_all_rows(m, *found))
-        corrected.append(m if found is None else found[0].correct_measurements(m))
-    return corrected, corrections
-
-
-def find_imu_yaw_hypothesis_and_evidence(
-    time_s: FloatArray, values: AccelGyroRows, others: Sequence[SensorSeries]
-) -> tuple[Hypothesis, str] | None:
-    """Return the turn of a level IMU about the vertical and what shows it, or None.
-
-    The accelerations of a step by the IMU (forward f, left l) are those of the others (v', v w) turned by the angle.
-    The speed v is that of a wheel, else of the fixes. The turn rate w is the IMU's own, which the angle does not
-    change, else that of the fixes.
-    The turn of least squares between two sets of vectors has the angle atan2(sum of cross products, sum of scalar
-    products) (Horn, 1987, in the plane). Noise of either makes both sums smaller and does not move it.
-
-    Args:
-        values: Shape (n, 6): accelerometer and gyroscope, levelled.
-        others: Series of fixes first, then of speeds and of the IMU's own yaw rate.
-    """
-    motions, edges_s = step_motions_and_edges_for_evidence(others)
-    if len(edges_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES + 3 or len(time_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
-        return None
-    measured = np.column_stack([means_between_edges(time_s, column, edges_s) for column in values[:, :2].T])
-    measured[~covered_step_mask(time_s, edges_s)] = np.nan
-    speed = next((m for m in motions if m.kind is Kind.SPEED), motions[0])
-    turning = next((m for m in motions if m.kind is Kind.YAW_RATE), motions[0])
-    reference = _forward_and_left_accelerations_mps2(speed.speed_mps, turning.turn_rad, float(edges_s[1] - edges_s[0]))
-    measured = measured[1:-1]
-    rows = np.isfinite(measured).all(axis=1) & np.isfinite(reference).all(axis=1)
-    n = int(rows.sum())
-    if n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
-        return None
-    f, r = (
-        column[rows] - [median_of_finite_values(column[rows, 0]), median_of_finite_values(column[rows, 1])]
-        for column in (measured, reference)
-    )
-    power = float(np.square(f).sum()) * float(np.square(r).sum())
-    dot, cross = float((f * r).sum()), float((f[:, 1] * r[:, 0] - f[:, 0] * r[:, 1]).sum())
-    if np.square(r).sum() < n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2 or math.hypot(
-        dot, cross
-    ) < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(power):
-        return None
-    yaw_rad = math.atan2(cross, dot)
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    rest = f @ np.array([[c, -s], [s, c]]) - r
-    sigma_rad = math.sqrt(float(np.square(rest).sum()) / (2.0 * n) / float(np.square(r).sum()))
-    if abs(yaw_rad) < max(MIN_CORRECTED_MOUNTING_YAW_RAD, MIN_MOUNTING_YAW_IN_SIGMAS * sigma_rad):
-        return None
-    matrix = np.eye(6)
-    matrix[:2, :2] = matrix[3:5, 3:5] = ((c, s), (-s, c))
-    side = "right" if yaw_rad > 0.0 else "left"
-    fault = f"is mounted turned by {abs(math.degrees(yaw_rad)):.0f} degrees to the {side} about the vertical"
-    hypothesis = Hypothesis("yawed", "yaw", fault, "turned back", tuple(map(tuple, matrix.tolist())), (0.0,) * 6)
-    judges = ", ".join(dict.fromkeys(m.source for m in (speed, turning)))
-    evidence = f"accelerations of {judges}, sigma {math.degrees(sigma_rad):.1f} degrees in {n} steps"
-    return hypothesis, evidence
-
-
-def _forward_and_left_accelerations_mps2(speed_mps: FloatArray, turn_rad: FloatArray, step_s: float) -> FloatArray:
-    """Return forward and left acceleration in each step but the first and last, (n - 2, 2).
-
-    Args:
-        speed_mps: Shape (n,): mean speed in each step.
-        turn_rad: Shape (n - 1,): turn from each step to the next.
-        step_s: Length of a step.
-    """
-    forward = (speed_mps[2:] - speed_mps[:-2]) / (2.0 * step_s)
-    return np.column_stack([forward, speed_mps[1:-1] * (turn_rad[:-1] + turn_rad[1:]) / (2.0 * step_s)])
 
 
 def set_wrong_rows_aside_and_list_them(

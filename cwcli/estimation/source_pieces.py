@@ -340,7 +340,8 @@ def _time_of_change_and_text(
     jumps = np.abs(np.diff(m.values[rows], axis=0)) + SMALLEST_JUMP
     n, count = len(jumps), np.arange(1.0, len(jumps))[:, None]
     power = np.cumsum(np.square(jumps), axis=0)
-    cost = count * np.log(power[:-1] / count) + (n - count) * np.log((power[-1] - power[:-1]) / (n - count))
+    rest = np.maximum(power[-1] - power[:-1], SMALLEST_JUMP**2)
+    cost = count * np.log(power[:-1] / count) + (n - count) * np.log(rest / (n - count))
     inner = slice(MIN_ROWS_BESIDE_CHANGE - 1, n - MIN_ROWS_BESIDE_CHANGE)
     k = MIN_ROWS_BESIDE_CHANGE - 1 + int(cost.sum(axis=1)[inner].argmin())
     before, after, usual = (

@@ -297,7 +297,7 @@ def _tune_and_estimate_without_spoiling_source(
     if not left_out:
         return settled, track
     better, track_without = tried[left_out]
-    found = contradiction_of_spoiling_sources(track_without.sources, left_out)
+    found = contradiction_of_spoiling_sources(track_without.sources, left_out, settled.prepared)
     # Of an IMU with another wrong part it is known that it is the wrong one.
     is_known_wrong = any(left_out[0].source == each.source for c in settled.contradictions for each in c.left_out)
     if not is_known_wrong and not can_third_source_judge(track.sources, left_out):

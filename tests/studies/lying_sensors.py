@@ -45,7 +45,7 @@ from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from cwcli.stages.estimate import EGO_SENSOR_ROLES, _collect_ego_measurements, _map_at_first_fix_unless_cartesian
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from tests.studies import sensor_faults
-from tests.studies.sensor_faults import FAULTS, LATER_FAULTS, ROAD_FAULTS, SOFTWARE_FAULTS, Fault
+from tests.studies.sensor_faults import FAULTS, LATER_FAULTS, ROAD_FAULTS, SOFTWARE_FAULTS, VEHICLE_FAULTS, Fault
 from tests.studies.sensor_model import measurements_of
 from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
@@ -201,7 +201,7 @@ def told_of(track: Track) -> list[str]:
 def is_named(fault: Fault, track: Track) -> bool:
     """Whether a sentence that blames the right source has a word of the fault; of two alone both may be blamed."""
     topics = {Kind.SPEED: ("speed",), Kind.IMU: ("imu",), Kind.HEADING: ("heading",),
-              Kind.POSITION: ("gnss)", "gnss:", "gnss_copy:")}  # fmt: skip
+              Kind.POSITION: ("gnss)", "gnss:", "gnss_copy:", "map of gnss")}  # fmt: skip
     doubts = [note for note in track.notes if DOUBT_WORDS in note]
     if len({r.source for r in track.sources if r.n_used}) > 2:
         track = replace(track, notes=tuple(note for note in track.notes if note not in doubts))
@@ -362,7 +362,7 @@ def main() -> None:
         sys.exit(0 if check_without_fault(list(dict.fromkeys(every)), seeds, options.logs) else 1)
     chosen = [
         fault
-        for fault in (*FAULTS, *LATER_FAULTS, *ROAD_FAULTS, *SOFTWARE_FAULTS)
+        for fault in (*FAULTS, *LATER_FAULTS, *ROAD_FAULTS, *SOFTWARE_FAULTS, *VEHICLE_FAULTS)
         if fault.is_kept_aside is options.kept_aside
         and (not options.faults or any(part in fault.name for part in options.faults))
     ]

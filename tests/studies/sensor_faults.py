@@ -246,9 +246,7 @@ def slipping(factor: float) -> Change:
     """A speed of wheels that slip while the car turns."""
 
     def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-        turn_s, heading = TRUE_HEADING
-        rate = np.interp(time_s, turn_s, np.gradient(np.unwrap(heading), turn_s))
-        return np.where(np.abs(rate)[:, None] > 0.05, factor * values, values)
+        return np.where(np.abs(turn_rate_radps(time_s))[:, None] > 0.05, factor * values, values)
 
     return change
 
@@ -512,6 +510,56 @@ def with_new_datum_after_pause(east_m: float, north_m: float) -> Rewrite:
     return rewrite
 
 
+def in_gears(limit: float, factor: float) -> Change:
+    """A speed by the engine's, with the ratio of another gear above a limit."""
+    return lambda _, values: np.where(np.abs(values) > limit, factor * values, values)
+
+
+def of_outer_wheel(half_track_m: float) -> Change:
+    """The speed of a wheel to the right of the middle."""
+    return lambda time_s, values: values + half_track_m * turn_rate_radps(time_s)[:, None]
+
+
+def turn_rate_radps(time_s: np.ndarray) -> np.ndarray:
+    turn_s, heading = TRUE_HEADING
+    return np.interp(time_s, turn_s, np.gradient(np.unwrap(heading), turn_s))
+
+
+def angle_for_rate(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The yaw in place of the yaw rate."""
+    values[:, 5] = np.interp(time_s, *TRUE_HEADING)
+    return values
+
+
+def altitude_for_speed(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return 112.0 + 0.05 * np.random.default_rng(9).standard_normal(values.shape).cumsum(axis=0)
+
+
+def not_a_number_in_bursts(share: float, n: int) -> Change:
+    """Bursts of n rows without a number."""
+
+    def change(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+        begins = np.flatnonzero(np.random.default_rng(10).random(len(values)) < share / n)
+        for begin in begins.tolist():
+            values[begin : begin + n] = np.nan
+        return values
+
+    return change
+
+
+def with_velocity(change: Change) -> Rewrite:
+    """The receiver also sends a velocity, which is wrong."""
+
+    def rewrite(m: Measurements) -> list[Measurements]:
+        time_s = (m.stamp_ns - m.stamp_ns[0]) / 1e9
+        speed, heading = np.interp(time_s, *STANDING_SPEED), np.interp(time_s, *TRUE_HEADING)
+        right = speed[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+        right += 0.1 * np.random.default_rng(11).standard_normal(right.shape)
+        return [m, Measurements("velocity of gnss", Kind.VELOCITY, m.stamp_ns, change(time_s, right))]
+
+    return rewrite
+
+
 FAULTS = (
     Fault("speed in km/h", Kind.SPEED, scaled(3.6), ("km/h",)),
     Fault("speed / 3.6", Kind.SPEED, scaled(1 / 3.6), ("divided by 3.6",)),
@@ -687,3 +735,31 @@ SOFTWARE_FAULTS = (
 """Faults of drivers and recorders, thought of when all others were found. The datum is a drift: with an IMU alone, no
 source shows it. The speed of the east shows nothing on a straight road. A sensor that ends early is a doubt of the whole
 log (`cwcli.evaluation.doubts.silences`)."""
+
+VEHICLE_FAULTS = (
+    Fault("heading + 12 deg from mid-log", Kind.HEADING, partly(affine(1, 12), 0.5), ("ego_heading",)),
+    Fault("heading + 45 deg from mid-log", Kind.HEADING, partly(affine(1, 45), 0.5), ("ego_heading",)),
+    Fault("heading of random walk", Kind.HEADING, lambda _, v: v + np.radians(0.5) * np.random.default_rng(12).standard_normal(v.shape).cumsum(axis=0), ("ego_heading",)),
+    Fault("speed of another gear above 8 m/s", Kind.SPEED, in_gears(8.0, 1.1), ("ego_speed",)),
+    Fault("speed of the outer wheel", Kind.SPEED, of_outer_wheel(0.8), ("ego_speed",)),
+    Fault("speed 0 below 5 km/h", Kind.SPEED, zero_below(5 / 3.6)),
+    Fault("speed of the altitude", Kind.SPEED, altitude_for_speed, ("ego_speed",)),
+    Fault("speed not a number in bursts", Kind.SPEED, not_a_number_in_bursts(0.2, 30)),
+    Fault("speed in mph between two restarts", Kind.SPEED, partly(scaled(2.23694), 0.35, 0.65), ("miles/h",)),
+    Fault("gyro of angles", Kind.IMU, angle_for_rate, ("yaw rate",)),
+    Fault("gyro angle per sample", Kind.IMU, imu(gyro=0.01), ("yaw rate",)),
+    Fault("accel in g until mid-log", Kind.IMU, partly(imu(accel=1 / G), 0.0, 0.5), (" in g", "accel")),
+    Fault("accel smoothed over 2 s", Kind.IMU, only(low_passed(2.0), 0, 1, 2), ("accel", "imu (imu)")),
+    Fault("IMU not a number in bursts", Kind.IMU, not_a_number_in_bursts(0.2, 50)),
+    Fault("IMU rows twice", Kind.IMU, unchanged, ("imu", "repeat"), rewrite=sent_twice),
+    Fault("IMU fallen on its side", Kind.IMU, partly(turned((1, 0, 0), (0, 0, 1), (0, -1, 0)), 0.6), ("imu",)),
+    Fault("fix in degrees and minutes", Kind.POSITION, scaled(0.6), ("ego_position", "gnss is wrong"), is_drift=True),
+    Fault("fix of another zone from mid-log", Kind.POSITION, added(3e5, -2e3, from_share=0.5), ("ego_position",)),
+    Fault("fix clock - 1024 weeks", Kind.POSITION, unchanged, ("clock",), rewrite=clock_ahead(-1024 * 7 * 86400.0)),
+    Fault("velocity north before east", Kind.POSITION, unchanged, ("north before east",), rewrite=with_velocity(columns(2, 1))),
+    Fault("velocity to the west", Kind.POSITION, unchanged, ("ego_velocity",), rewrite=with_velocity(columns(-1, 2))),
+    Fault("velocity in km/h", Kind.POSITION, unchanged, ("km/h",), rewrite=with_velocity(scaled(3.6))),
+    Fault("velocity 1 s late", Kind.POSITION, unchanged, ("latency", "ego_velocity"), rewrite=with_velocity(lagging(1.0))),
+)  # fmt: skip
+"""Faults of a vehicle's wiring and restarts, thought of when a fault in a part of the log was judged by itself. What is
+not a number, or rounded to 0 by less than 5 km/h, is no lie and may not do harm."""

@@ -25,6 +25,13 @@ def test_good_fixes_stay(seed: int, speed_mps: float) -> None:
     assert not fixes_jumped_away_mask(TIME_S, drive(seed, speed_mps), SCATTER_M).any()
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_stamps_that_err_make_no_jump(seed: int) -> None:
+    """Fixes that are stamped when they arrive, up to half a second late, come in bursts: their values are right."""
+    late_s = np.maximum.accumulate(TIME_S + 0.5 * np.random.default_rng(seed).random(len(TIME_S)))
+    assert not fixes_jumped_away_mask(late_s, drive(seed, 15.0), 0.3).any()
+
+
 @pytest.mark.parametrize("offset_m", [12.0, 60.0, 15_000.0])
 def test_a_stretch_between_two_jumps_is_set_aside(offset_m: float) -> None:
     fixes = drive()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.estimation.leave_one_out import (
+    constant_angle_to_course_rad,
     find_spoiling_sources,
     quantities_in_doubt,
     quantities_with_unusual_noise_or_error,
@@ -21,6 +24,7 @@ from cwcli.estimation.result import SourceReport
 from tests.studies.lying_sensors import run_fault, simulated, variants
 from tests.studies.sensor_faults import FAULTS
 from tests.studies.sensor_model import measurements_of
+from tests.unit.estimation.made_drive import as_series, made_drive
 
 FIX = SourceReport("/fix", Kind.POSITION, n_used=500, sigma=0.6, scatter=0.6, noise_origin="log", log_likelihood=-500.0)
 SPEED = SourceReport("/speed", Kind.SPEED, n_used=500, sigma=0.1, scatter=0.1, noise_origin="log")
@@ -217,3 +221,16 @@ def test_a_source_that_no_step_shows_to_be_wrong_is_left_out(name: str, variant:
     assert case.ratio < 1.4
     assert case.told.startswith(who)
     assert case.verdict.startswith("not consistent: ")
+
+
+@pytest.mark.parametrize(("offset_rad", "lag_s", "expected_rad"), [(0.2, 0.0, 0.2), (0.0, 3.0, math.nan)])
+def test_only_a_heading_that_is_turned_throughout_has_a_constant_angle_to_the_course(
+    offset_rad: float, lag_s: float, expected_rad: float
+) -> None:
+    time_s, values = made_drive()
+    lagging = np.interp(time_s - lag_s, time_s, values[Kind.HEADING])
+    noisy = lagging + offset_rad + 0.02 * np.random.default_rng(1).standard_normal(len(time_s))
+    found = constant_angle_to_course_rad(
+        as_series(Kind.HEADING, time_s, noisy), as_series(Kind.POSITION, time_s, values[Kind.POSITION])
+    )
+    assert found == pytest.approx(expected_rad, abs=0.02, nan_ok=True)

@@ -201,6 +201,13 @@ def test_stamps_that_are_cut_to_seconds_are_replaced_by_the_log_times() -> None:
     assert align_source_clocks_and_note([cut, *others], trusted=["/position"])[0][0] is cut
 
 
+def test_stamps_that_are_cut_to_seconds_are_no_other_rate_in_a_short_log() -> None:
+    """In 36 s the median step of a tenth of the stamps is 4 s and of the log times 3.6 s."""
+    fixes, *others = [m.select_rows(m.stamp_ns < EPOCH_NS + 36 * NS) for m in drive()]
+    _, (note,) = align_source_clocks_and_note([replace(fixes, stamp_ns=fixes.stamp_ns // NS * NS), *others])
+    assert note.startswith("/position: its stamps are cut to 1 s")
+
+
 @pytest.mark.parametrize("first", [0, 3])
 @pytest.mark.parametrize("has_log_times", [False, True])
 def test_rows_of_cut_stamps_and_log_times_are_spread_evenly(first: int, has_log_times: bool) -> None:

@@ -1,0 +1,238 @@
+"""Compare the accelerations of a level IMU with those by the fixes or a wheel: its yaw against the car, and its scale.
+
+In each step the forward and left acceleration by the IMU are those of the others (v', v w), turned by the yaw of the
+mounting. Their ratio is 1 unless the accelerometer, which gravity checks, or the map of the fixes has another scale.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
+from cwcli.estimation.correction import Correction, correction_of_all_rows
+from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.median import median_of_finite_values
+from cwcli.estimation.passes import SensorSeries
+from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
+from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
+from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
+from cwcli.estimation.step_motion import covered_step_mask, means_between_edges, trapezoidal_integral
+from cwcli.lazy_dataclass import dataclass
+from cwcli.signals.columns import AccelGyroRows, FloatArray
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
+
+MIN_CORRECTED_MOUNTING_YAW_RAD = math.radians(6.0)
+"""Least angle that is corrected: less adds a tenth of the lateral acceleration to the forward one. Chosen by hand; not
+fitted."""
+MIN_TIME_STEPS_WITH_IMU_AND_FIXES = 10
+"""Least number of time steps with accelerations by both the IMU and the fixes. Chosen by hand; not fitted."""
+MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS = 0.8
+"""Least correlation of the turned accelerations with those of the fixes. Chosen by hand; not fitted."""
+MIN_MOUNTING_YAW_IN_SIGMAS = 4.0
+"""Least angle in its sigmas: one log without a fault in 16,000. Not fitted."""
+MIN_RMS_ACCELERATION_OF_FIXES_MPS2 = 0.5
+"""Least root mean square of both accelerations of the fixes together, m/s^2: without a manoeuvre nothing shows. Chosen
+by hand; not fitted."""
+MIN_RATIO_SIGMAS = 4.0
+"""Least difference from its range, in sigmas, of a ratio that is a fault: as for a yaw."""
+SMALLEST_RATIO = 1e-3
+"""Smallest ratio whose logarithm is taken."""
+ACCEL_RATIO_RANGE = (0.85, 1.25)
+"""Range of the ratio of an accelerometer's accelerations to those by the fixes that no fault is needed for. Chosen by
+hand: a car that leans out of its bends by 6 degrees at 1 g adds a tenth, and a road may be banked."""
+RIGHT_GRAVITY_RANGE = (0.9, 1.1)
+"""Range of the mean specific force in g that shows that the scale of an accelerometer is right. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class StepAccelerations:
+    """Accelerations in the n steps in which an IMU and the others tell them, without their medians.
+
+    Attributes:
+        measured: Shape (n, 2): forward and left by the IMU, m/s^2.
+        reference: Shape (n, 2): by the others.
+        course_rad: Shape (n,): course by the fixes; NaN where they hardly move.
+        judges: Names of the others.
+    """
+
+    measured: FloatArray
+    reference: FloatArray
+    course_rad: FloatArray
+    judges: str
+
+
+def correct_imus_and_find_contradictions_of_motion(
+    measurements: Sequence[Measurements], prepared: Sequence[PreparedSeries], trusted: Collection[str] = ()
+) -> tuple[list[Measurements], list[Correction], list[Contradiction]]:
+    """Return the measurements with level IMUs turned back and in their scale, what was corrected, and wrong maps.
+
+    Args:
+        measurements: Measurements.
+        prepared: Their series, after what contradicts the others was left out.
+        trusted: Sources that are not corrected.
+    """
+    usable = [p for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE]
+    fixes = next((p.series for p in usable if p.series.kind is Kind.POSITION), None)
+    level = {p.series.source for p in prepared if p.mounting is not None and len(p.series)}
+    corrected: list[Measurements] = []
+    corrections: list[Correction] = []
+    contradictions: list[Contradiction] = []
+    for m in measurements:
+        corrected.append(m)
+        if m.kind is not Kind.IMU or fixes is None or m.source not in level - {*trusted}:
+            continue
+        rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
+        rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
+        time_s = seconds_since_zero_time(m.stamp_ns[rows], earliest_stamp_ns(measurements))
+        helpers = [
+            p.series
+            for p in usable
+            if p.series.kind is Kind.SPEED or (p.series.kind is Kind.YAW_RATE and p.series.source == m.source)
+        ]
+        accelerations = compute_step_accelerations(time_s, m.values[rows], [fixes, *helpers])
+        if accelerations is None:
+            continue
+        gravity_g = float(np.linalg.norm(m.values[rows, :3].mean(axis=0))) / STANDARD_GRAVITY_MPS2
+        found = find_imu_yaw_hypothesis_and_evidence(accelerations)
+        low, high = bounds_of_ratio_beyond_range(accelerations)
+        is_gravity_right = RIGHT_GRAVITY_RANGE[0] < gravity_g < RIGHT_GRAVITY_RANGE[1]
+        is_scaled = low < RIGHT_GRAVITY_RANGE[1] * gravity_g and high > RIGHT_GRAVITY_RANGE[0] * gravity_g
+        if found is None and not is_gravity_right and is_scaled:
+            found = _accel_scale_hypothesis(gravity_g), f"by accelerations of {accelerations.judges}"
+        elif found is None and is_gravity_right and not any(s.kind is Kind.SPEED for s in helpers):
+            contradictions += _contradictions_of_map(fixes.source, m.source, low, high)
+        if found is not None:
+            corrections.append(correction_of_all_rows(m, *found))
+            corrected[-1] = found[0].correct_measurements(m)
+    return corrected, corrections, contradictions
+
+
+def _contradictions_of_map(fixes: str, imu: str, low: float, high: float) -> list[Contradiction]:
+    """Return a contradiction of the fixes where bounds of the ratio of an IMU's accelerations to theirs are not near 1.
+
+    Args:
+        fixes, imu: Names of the sources.
+        low, high: The bounds.
+    """
+    if not (high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]):
+        return []
+    what = (
+        f"its fixes move {1.0 / high:.2f} to {1.0 / low:.2f} times as far as the accelerations of {imu} show, whose "
+        "gravity is right: check its unit and its map"
+    )
+    return [Contradiction(SourceQuantity(fixes, Kind.POSITION), CAR_MOTION_TEXT, what, explains_misfits=True)]
+
+
+def _accel_scale_hypothesis(gravity_g: float) -> Hypothesis:
+    matrix = np.diag([1.0 / gravity_g] * 3 + [1.0] * 3)
+    fault = f"has an accelerometer that reads {gravity_g:.2f} times too much, gravity too"
+    return Hypothesis("scaled", "accel unit", fault, "divided by it", tuple(map(tuple, matrix.tolist())), (0.0,) * 6)
+
+
+def compute_step_accelerations(
+    time_s: FloatArray, values: AccelGyroRows, others: Sequence[SensorSeries]
+) -> StepAccelerations | None:
+    """Return the accelerations by an IMU and the others; None where they hardly correlate, or without manoeuvres.
+
+    The speed v is that of a wheel, else of the fixes. The turn rate w is the IMU's own, which a yaw does not change,
+    else that of the fixes.
+
+    Args:
+        values: Shape (n, 6): accelerometer and gyroscope, levelled.
+        others: Series of fixes first, then of speeds and of the IMU's own yaw rate.
+    """
+    motions, edges_s = step_motions_and_edges_for_evidence(others)
+    if len(edges_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES + 3 or len(time_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
+        return None
+    integral = np.column_stack(
+        [means_between_edges(time_s, trapezoidal_integral(time_s, column), edges_s) for column in values[:, :2].T]
+    )
+    integral[~covered_step_mask(time_s, edges_s)] = np.nan
+    # Smoothed as the reference is: changes of means over a step from the step before to the one behind it.
+    measured = (integral[2:] - integral[:-2]) / (2.0 * float(edges_s[1] - edges_s[0]))
+    speed = next((m for m in motions if m.kind is Kind.SPEED), motions[0])
+    turning = next((m for m in motions if m.kind is Kind.YAW_RATE), motions[0])
+    reference = _forward_and_left_accelerations_mps2(speed.speed_mps, turning.turn_rad, float(edges_s[1] - edges_s[0]))
+    rows = np.isfinite(measured).all(axis=1) & np.isfinite(reference).all(axis=1)
+    n = int(rows.sum())
+    if n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
+        return None
+    f, r = (
+        column[rows] - [median_of_finite_values(column[rows, 0]), median_of_finite_values(column[rows, 1])]
+        for column in (measured, reference)
+    )
+    if np.square(r).sum() < n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2:
+        return None
+    judges = ", ".join(dict.fromkeys(m.source for m in (speed, turning)))
+    return StepAccelerations(f, r, motions[0].angle_rad[1:-1][rows], judges)
+
+
+def find_imu_yaw_hypothesis_and_evidence(a: StepAccelerations) -> tuple[Hypothesis, str] | None:
+    """Return the turn of a level IMU about the vertical and what shows it, or None.
+
+    The turn of least squares between two sets of vectors has the angle atan2(sum of cross products, sum of scalar
+    products) (Horn, 1987, in the plane). Noise of either makes both sums smaller and does not move it.
+    """
+    f, r, n = a.measured, a.reference, len(a.measured)
+    power = float(np.square(f).sum()) * float(np.square(r).sum())
+    dot, cross = float((f * r).sum()), float((f[:, 1] * r[:, 0] - f[:, 0] * r[:, 1]).sum())
+    if math.hypot(dot, cross) < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(power):
+        return None
+    yaw_rad = math.atan2(cross, dot)
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    rest = f @ np.array([[c, -s], [s, c]]) - r
+    sigma_rad = math.sqrt(float(np.square(rest).sum()) / (2.0 * n) / float(np.square(r).sum()))
+    if abs(yaw_rad) < max(MIN_CORRECTED_MOUNTING_YAW_RAD, MIN_MOUNTING_YAW_IN_SIGMAS * sigma_rad):
+        return None
+    matrix = np.eye(6)
+    matrix[:2, :2] = matrix[3:5, 3:5] = ((c, s), (-s, c))
+    side = "right" if yaw_rad > 0.0 else "left"
+    fault = f"is mounted turned by {abs(math.degrees(yaw_rad)):.0f} degrees to the {side} about the vertical"
+    hypothesis = Hypothesis("yawed", "yaw", fault, "turned back", tuple(map(tuple, matrix.tolist())), (0.0,) * 6)
+    return hypothesis, f"accelerations of {a.judges}, sigma {math.degrees(sigma_rad):.1f} degrees in {n} steps"
+
+
+def bounds_of_ratio_beyond_range(a: StepAccelerations) -> tuple[float, float]:
+    """Return the bounds of the ratio of the IMU's accelerations to the others' where it is not 1; else NaN.
+
+    All are compared, and those to the east and to the north alone; the bounds are those that are farthest from 1. Two
+    regressions bound a ratio: noise of the reference makes the one on it too small, noise of the IMU the other one too
+    large.
+    """
+    turn = np.exp(1j * a.course_rad)
+    f, r = (column[:, 0] + 1j * column[:, 1] for column in (a.measured, a.reference))
+    known = np.isfinite(turn)
+    one_way = [(part(f[known] * turn[known]), part(r[known] * turn[known])) for part in (np.real, np.imag)]
+    found = (math.nan, math.nan)
+    farthest = 0.0
+    for own, other in ((a.measured.ravel(), a.reference.ravel()), *one_way):
+        n, own_power, other_power = len(own), float(np.square(own).sum()), float(np.square(other).sum())
+        dot = float((own * other).sum())
+        if (
+            n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES
+            or other_power < 0.5 * n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2
+            or dot < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(own_power * other_power)
+        ):
+            continue
+        on_other, on_own = dot / other_power, own_power / dot
+        sigma = math.sqrt(max(own_power - on_other * dot, 0.0) / (n - 1) / other_power)
+        low, high = on_other - MIN_RATIO_SIGMAS * sigma, on_own + MIN_RATIO_SIGMAS * sigma
+        if (distance := max(math.log(max(low, SMALLEST_RATIO)), -math.log(high))) > farthest:
+            farthest, found = distance, (low, high)
+    return found
+
+
+def _forward_and_left_accelerations_mps2(speed_mps: FloatArray, turn_rad: FloatArray, step_s: float) -> FloatArray:
+    """Return forward and left acceleration in each step but the first and last, (n - 2, 2).
+
+    Args:
+        speed_mps: Shape (n,): mean speed in each step.
+        turn_rad: Shape (n - 1,): turn from each step to the next.
+        step_s: Length of a step.
+    """
+    forward = (speed_mps[2:] - speed_mps[:-2]) / (2.0 * step_s)
+    return np.column_stack([forward, speed_mps[1:-1] * (turn_rad[:-1] + turn_rad[1:]) / (2.0 * step_s)])
