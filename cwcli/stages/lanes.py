@@ -75,6 +75,8 @@ COLOUR_DECODING_INTERVAL_NS = 1_000_000_000
 """Interval at which a frame is also decoded in colour [ns], which costs twice as much as grey; chosen by hand."""
 MAX_FRAME_GAP_OF_SEARCH_NS = 500_000_000
 """Longest gap between two frames [ns] over which a search goes on; chosen by hand."""
+MIN_DRIVE_TO_JUDGE_LENS_NS = 20_000_000_000
+"""Length of a drive [ns] from which it is checked whether the lens fits its lanes; chosen by hand."""
 NUMBERS_PER_FRAME_ENTRY = 8
 """Length of a frame's entry in `_numbers`: index, log time, stamp, number, two image sizes [px]."""
 
@@ -229,6 +231,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
             *motion.notes,
             *_note_on_rectification(source, is_rectified),
             *run.notes,
+            *run.notes_on_contradicted_lens(frames),
         ),
     )
     table: Table = lanes_table(frames)
@@ -395,6 +398,28 @@ class _LaneSearchRun:
         """Return the camera in pixels of the image that is searched."""
         camera = self._source.camera_for_size(*image_size).with_image_size(*search_size)
         return rectified_camera(camera) if self._is_rectified else camera
+
+    def notes_on_contradicted_lens(self, frames: LaneFrames) -> tuple[str, ...]:
+        """Return a note if what the drive shows contradicts the lens; only for frames of one size, with motion."""
+        motion, camera, sizes = self._motion, self._camera, frames.search_size
+        if camera is None or not (len(motion.speed_mps.values) and len(motion.yaw_rate_radps.values)):
+            return ()
+        is_long = int(frames.stamp_ns[-1] - frames.stamp_ns[0]) > MIN_DRIVE_TO_JUDGE_LENS_NS
+        if not is_long or (sizes != sizes[0]).any():
+            return ()
+        from cwcli.vision.lens_check import field_of_view_that_contradicts_camera_rad
+
+        seen_rad = field_of_view_that_contradicts_camera_rad(
+            frames.fits, frames.stamp_ns, motion.speed_mps, motion.yaw_rate_radps, camera
+        )
+        if math.isnan(seen_rad):
+            return ()
+        own_rad, own_source = 2.0 * math.atan(0.5 * camera.width_px / camera.fx), self._source.info
+        return (
+            f"the way in which the lane moves as the car turns fits a horizontal field of view of about "
+            f"{math.degrees(seen_rad):.0f} degrees, not the {math.degrees(own_rad):.0f} that "
+            f"{'are assumed: try --camera-fov' if own_source is None else own_source.source + ' states'}",
+        )
 
     def build_lane_frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
         """Return all used frames with their boundaries in the image and on the road."""

@@ -73,6 +73,7 @@ KINDS: dict[str, dict[str, float | str]] = {
     "ramp": {"ramp_degps": 25.0, "speed_mps": 10.0},
     "change": {"lane_changes_per_min": 4.0},
     "mountain": {"bends_1pm": 0.012, "speed_mps": 14.0},
+    "mountain-glare": {"bends_1pm": 0.012, "speed_mps": 14.0, "weather": "glare"},
     "merge": {"junctions": "merges"},
     "exit": {"junctions": "exits"},
 }
