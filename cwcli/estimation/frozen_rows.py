@@ -35,8 +35,9 @@ MOTION_CHECK_TIME_AROUND_REST_S = 1.0
 """Time before and after a rest, s, in which a car that did not stand moves. Chosen by hand: a car stops more slowly."""
 MAX_TIME_STEP_OF_JUMP_TO_USUAL = 3.0
 """Longest step, in usual ones, in which the fixes jump to where the car is. Chosen by hand: behind a pause they may."""
-MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS = 5
-"""Least number of rows in a row at the end of the range of a gyroscope. Chosen by hand; noise never repeats so long."""
+MIN_CONSECUTIVE_SATURATED_IMU_ROWS, MIN_SATURATED_ACCELEROMETER_STRETCHES = 5, 4
+"""Least number of rows in a row at the end of the range of an axis, and of such stretches of an accelerometer. Chosen
+by hand; noise never repeats so long."""
 MAX_NOISELESS_SECOND_TO_FIRST_DIFFERENCES_RATIO = 0.5
 """Greatest ratio of the summed absolute second differences of a signal without noise to its summed absolute first
 differences; white noise has sqrt(3) = 1.73. Chosen by hand; not fitted."""
@@ -77,7 +78,7 @@ def frozen_row_mask(kind: Kind, time_s: FloatArray, values: ValueRows, fixes: Fi
         fixes: Positions of the same vehicle.
     """
     if kind is Kind.IMU:
-        return _saturated_gyroscope_mask(values) | _repeated_row_mask(time_s, values, lambda begin_s, end_s: True)
+        return _saturated_imu_mask(values) | _repeated_row_mask(time_s, values, lambda begin_s, end_s: True)
     if kind in (Kind.SPEED, Kind.VELOCITY):
         zero = (values == 0.0).all(axis=1)
         if len(zero) < 2 * MIN_STUCK_ROWS or zero.mean() > 1.0 - MAX_REPEATS_AMONG_OTHER_ROWS_SHARE:
@@ -200,15 +201,19 @@ def _continues_smoothly_after_repetitions(values: ValueRows, is_long_repetition:
     return bool(is_smooth and most.any() and (after <= MAX_CHANGE_AFTER_REPETITION_TO_USUAL * most).all())
 
 
-def _saturated_gyroscope_mask(values: FloatArray) -> BoolArray:
-    """Return a mask (n,) of the rows in which an axis of the gyroscope stays at the end of its range."""
+def _saturated_imu_mask(values: FloatArray) -> BoolArray:
+    """Return a mask (n,) of the rows in which an axis of the gyroscope or accelerometer stays at the end of its range.
+
+    A coarse accelerometer may stay at its greatest value once or twice, while the car brakes hardest.
+    """
     saturated = np.zeros(len(values), np.bool_)
     if len(values) < 2 * MIN_STUCK_ROWS:
         return saturated
-    for column in values[:, 3:].T:
+    for k, column in enumerate(values.T):
         for limit in (column.max(), column.min()):
             at_end = column == limit
-            if MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS <= at_end.sum() < 0.5 * len(column):
-                for begin, end in begin_and_end_of_true_stretches(at_end, MIN_CONSECUTIVE_SATURATED_GYROSCOPE_ROWS):
+            if MIN_CONSECUTIVE_SATURATED_IMU_ROWS <= at_end.sum() < 0.5 * len(column):
+                stretches = begin_and_end_of_true_stretches(at_end, MIN_CONSECUTIVE_SATURATED_IMU_ROWS)
+                for begin, end in stretches if k > 2 or len(stretches) >= MIN_SATURATED_ACCELEROMETER_STRETCHES else []:
                     saturated[begin:end] = True
     return saturated

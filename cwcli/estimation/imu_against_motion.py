@@ -10,6 +10,7 @@ import math
 from collections.abc import Collection, Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
@@ -19,9 +20,12 @@ from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
 from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
-from cwcli.estimation.source_hypotheses import step_motions_and_edges_for_evidence
+from cwcli.estimation.source_hypotheses import (
+    MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS,
+    step_motions_and_edges_for_evidence,
+)
 from cwcli.estimation.step_motion import covered_step_mask, means_between_edges, trapezoidal_integral
-from cwcli.lazy_dataclass import dataclass
+from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import AccelGyroRows, FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
@@ -39,6 +43,9 @@ MIN_RMS_ACCELERATION_OF_FIXES_MPS2 = 0.5
 by hand; not fitted."""
 MIN_RATIO_SIGMAS = 4.0
 """Least difference from its range, in sigmas, of a ratio that is a fault: as for a yaw."""
+LAG_STEP_S, MAX_LAG_S, MIN_LAG_S = 0.1, 2.0, 0.4
+"""Step of the lags between gyroscope and accelerometer that are tried, the longest one, and the least one that is a
+fault, s. Chosen by hand: an anti-aliasing filter of 1 Hz lags by 0.2 s, and a body rolls within 0.2 s."""
 SMALLEST_RATIO = 1e-3
 """Smallest ratio whose logarithm is taken."""
 ACCEL_RATIO_RANGE = (0.85, 1.25)
@@ -57,12 +64,15 @@ class StepAccelerations:
         reference: Shape (n, 2): by the others.
         course_rad: Shape (n,): course by the fixes; NaN where they hardly move.
         judges: Names of the others.
+        time_s, speed_mps: Shape (n,): middle of the steps, and speed by the others.
     """
 
     measured: FloatArray
     reference: FloatArray
     course_rad: FloatArray
     judges: str
+    time_s: FloatArray
+    speed_mps: FloatArray
 
 
 def correct_imus_and_find_contradictions_of_motion(
@@ -108,6 +118,10 @@ def correct_imus_and_find_contradictions_of_motion(
         if found is not None:
             corrections.append(correction_of_all_rows(m, *found))
             corrected[-1] = found[0].correct_measurements(m)
+        lag_s = lag_of_gyroscope_behind_accelerometer_s(time_s, m.values[rows], accelerations)
+        if math.isfinite(lag_s):
+            corrections.append(_correction_of_lag(m, lag_s))
+            corrected[-1] = _advance_lagging_columns(corrected[-1], rows, lag_s)
     return corrected, corrections, contradictions
 
 
@@ -131,6 +145,53 @@ def _accel_scale_hypothesis(gravity_g: float) -> Hypothesis:
     matrix = np.diag([1.0 / gravity_g] * 3 + [1.0] * 3)
     fault = f"has an accelerometer that reads {gravity_g:.2f} times too much, gravity too"
     return Hypothesis("scaled", "accel unit", fault, "divided by it", tuple(map(tuple, matrix.tolist())), (0.0,) * 6)
+
+
+def lag_of_gyroscope_behind_accelerometer_s(time_s: FloatArray, values: AccelGyroRows, a: StepAccelerations) -> float:
+    """Return by how much the turn rate of an IMU lags behind its lateral acceleration, s; NaN where it does not.
+
+    Both come from one clock, and speed times turn rate is the lateral acceleration. So the lag of the best correlation
+    is that of a filter in one of them; negative where it is in the accelerometer.
+
+    Args:
+        time_s, values: Rows of the IMU; accelerometer and gyroscope, (n, 6).
+        a: Its accelerations in steps.
+    """
+    edges_s = np.arange(time_s[0], time_s[-1], LAG_STEP_S)
+    n_lags = round(MAX_LAG_S / LAG_STEP_S)
+    if len(edges_s) <= 4 * n_lags:
+        return math.nan
+    left, rate = (means_between_edges(time_s, values[:, k], edges_s) for k in (1, 5))
+    product = np.interp(0.5 * (edges_s[1:] + edges_s[:-1]), a.time_s, a.speed_mps) * rate
+    left, product = left - left.mean(), product - product.mean()
+    inner = left[n_lags : len(left) - n_lags]
+    lags = np.arange(-n_lags, n_lags + 1)
+    correlation = np.array([
+        float(np.corrcoef(inner, product[n_lags + lag : n_lags + lag + len(inner)])[0, 1]) for lag in lags
+    ])  # fmt: skip
+    best = int(correlation.argmax())
+    if not MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS < correlation[best] < 1.0:
+        return math.nan
+    n_independent = len(inner) * LAG_STEP_S / MAX_LAG_S
+    gain = 0.5 * n_independent * math.log((1.0 - correlation[n_lags] ** 2) / (1.0 - correlation[best] ** 2))
+    lag_s = LAG_STEP_S * float(lags[best])
+    return lag_s if abs(lag_s) >= MIN_LAG_S and gain > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS else math.nan
+
+
+def _correction_of_lag(m: Measurements, lag_s: float) -> Correction:
+    names = ("a gyroscope", "accelerometer") if lag_s > 0.0 else ("an accelerometer", "gyroscope")
+    fault = f"has {names[0]} that lags behind its {names[1]} by {abs(lag_s):.1f} s, as by a filter"
+    who = SourceQuantity(m.source, Kind.IMU)
+    return Correction(who, "lag", fault, "moved by it", "by speed times turn rate", n_rows=len(m))
+
+
+def _advance_lagging_columns(m: Measurements, rows: npt.NDArray[np.intp], lag_s: float) -> Measurements:
+    """Return the measurements with the gyroscope, or with a negative lag the accelerometer, taken from later rows."""
+    values = m.values.copy()
+    time_s = seconds_since_zero_time(m.stamp_ns[rows], int(m.stamp_ns[rows[0]]))
+    for k in (3, 4, 5) if lag_s > 0.0 else (0, 1, 2):
+        values[rows, k] = np.interp(time_s + abs(lag_s), time_s, m.values[rows, k])
+    return replace(m, values=values)
 
 
 def compute_step_accelerations(
@@ -168,7 +229,10 @@ def compute_step_accelerations(
     if np.square(r).sum() < n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2:
         return None
     judges = ", ".join(dict.fromkeys(m.source for m in (speed, turning)))
-    return StepAccelerations(f, r, motions[0].angle_rad[1:-1][rows], judges)
+    middle_s = 0.5 * (edges_s[2:-1] + edges_s[1:-2])
+    return StepAccelerations(
+        f, r, motions[0].angle_rad[1:-1][rows], judges, middle_s[rows], speed.speed_mps[1:-1][rows]
+    )
 
 
 def find_imu_yaw_hypothesis_and_evidence(a: StepAccelerations) -> tuple[Hypothesis, str] | None:

@@ -300,7 +300,9 @@ def _correct_piece(
             return [corrected if m is own else m for m in measurements], correction
         fault, evidence = correction.fault, correction.evidence
     elif sets_aside:
-        outvoted = next((each for each in voted.contradictions if each.allies and each.who.source == own.source), None)
+        outvoted = next(
+            (c for c in voted.contradictions if c.allies and c.who in piece.pair and c.who.source == own.source), None
+        )
         if outvoted is None or not outvoted.left_out:
             return None
         fault = f"contradicts {outvoted.against}: {outvoted.what}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -50,3 +51,30 @@ def test_an_imu_without_gravity_shows_no_scale() -> None:
     assert not any(
         str(each.who).startswith("ego_position") for each in _judge(list(map(fault, _drive(*LEAN)))).contradictions
     )
+
+
+@pytest.mark.parametrize("kinds", [ALL, LEAN], ids=["all", "lean"])
+@pytest.mark.parametrize(("columns", "name"), [((3, 4, 5), "a gyroscope"), ((0, 1), "an accelerometer")])
+def test_a_part_of_an_imu_that_lags_behind_the_other_is_moved(
+    kinds: tuple[Kind, ...], columns: tuple[int, ...], name: str
+) -> None:
+    """Both have one clock, so that no latency explains it; 16 rows at 20 Hz are 0.8 s."""
+
+    def lagging(values: np.ndarray) -> np.ndarray:
+        late = values.copy()
+        late[16:, list(columns)] = values[:-16, list(columns)]
+        return late
+
+    judged = _judge(_with_fault(_drive(*kinds), Kind.IMU, lagging))
+    (correction,) = judged.corrections
+    assert re.match(rf"has {name} that lags behind its \w+ by 0\.[89] s", correction.fault)
+    moved = next(p.series for p in judged.prepared if p.series.kind is Kind.YAW_RATE)
+    assert judged.contradictions == ()
+    assert np.abs(moved.values[moved.time_s % 20.0 > 13.0, 0]).max() < 0.05  # going straight again
+
+
+def test_a_clipped_accelerometer_is_set_aside_where_it_is_at_the_end_of_its_range() -> None:
+    (correction,) = _judge(_with_fault(_drive(*LEAN), Kind.IMU, lambda v: np.clip(v, -1.0, 20.0))).corrections
+    assert "saturated" in correction.fault
+    # It brakes by 2 m/s^2 in six times 4 s. To the right it turns three times alone, which is no end of a range yet.
+    assert correction.n_set_aside == pytest.approx(6 * 4 * 20, abs=10)
