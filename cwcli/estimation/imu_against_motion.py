@@ -46,8 +46,8 @@ MIN_RATIO_SIGMAS = 4.0
 LAG_STEP_S, MAX_LAG_S, MIN_LAG_S = 0.1, 2.0, 0.4
 """Step of the lags between gyroscope and accelerometer that are tried, the longest one, and the least one that is a
 fault, s. Chosen by hand: an anti-aliasing filter of 1 Hz lags by 0.2 s, and a body rolls within 0.2 s."""
-SMALLEST_RATIO = 1e-3
-"""Smallest ratio whose logarithm is taken."""
+SMALLEST_RATIO, SMALLEST_POWER = 1e-3, 1e-12
+"""Smallest ratio whose logarithm is taken, and smallest product of two powers by which a correlation is divided."""
 ACCEL_RATIO_RANGE = (0.85, 1.25)
 """Range of the ratio of an accelerometer's accelerations to those by the fixes that no fault is needed for. Chosen by
 hand: a car that leans out of its bends by 6 degrees at 1 g adds a tenth, and a road may be banked."""
@@ -113,7 +113,7 @@ def correct_imus_and_find_contradictions_of_motion(
         is_scaled = low < RIGHT_GRAVITY_RANGE[1] * gravity_g and high > RIGHT_GRAVITY_RANGE[0] * gravity_g
         if found is None and not is_gravity_right and is_scaled:
             found = _accel_scale_hypothesis(gravity_g), f"by accelerations of {accelerations.judges}"
-        elif found is None and is_gravity_right and not any(s.kind is Kind.SPEED for s in helpers):
+        elif found is None and is_gravity_right:
             contradictions += _contradictions_of_map(fixes.source, m.source, low, high)
         if found is not None:
             corrections.append(correction_of_all_rows(m, *found))
@@ -135,8 +135,8 @@ def _contradictions_of_map(fixes: str, imu: str, low: float, high: float) -> lis
     if not (high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]):
         return []
     what = (
-        f"its fixes move {1.0 / high:.2f} to {1.0 / low:.2f} times as far as the accelerations of {imu} show, whose "
-        "gravity is right: check its unit and its map"
+        f"its fixes, and what agrees with them, move {1.0 / high:.2f} to {1.0 / low:.2f} times as far as the "
+        f"accelerations of {imu} show, whose gravity is right: check its unit and its map"
     )
     return [Contradiction(SourceQuantity(fixes, Kind.POSITION), CAR_MOTION_TEXT, what, explains_misfits=True)]
 
@@ -165,16 +165,15 @@ def lag_of_gyroscope_behind_accelerometer_s(time_s: FloatArray, values: AccelGyr
     product = np.interp(0.5 * (edges_s[1:] + edges_s[:-1]), a.time_s, a.speed_mps) * rate
     left, product = left - left.mean(), product - product.mean()
     inner = left[n_lags : len(left) - n_lags]
-    lags = np.arange(-n_lags, n_lags + 1)
-    correlation = np.array([
-        float(np.corrcoef(inner, product[n_lags + lag : n_lags + lag + len(inner)])[0, 1]) for lag in lags
-    ])  # fmt: skip
+    windows = np.lib.stride_tricks.sliding_window_view(product, len(inner))
+    power = np.einsum("ij,ij->i", windows, windows) * float((inner**2).sum())
+    correlation = windows @ inner / np.sqrt(np.maximum(power, SMALLEST_POWER))
     best = int(correlation.argmax())
     if not MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS < correlation[best] < 1.0:
         return math.nan
     n_independent = len(inner) * LAG_STEP_S / MAX_LAG_S
     gain = 0.5 * n_independent * math.log((1.0 - correlation[n_lags] ** 2) / (1.0 - correlation[best] ** 2))
-    lag_s = LAG_STEP_S * float(lags[best])
+    lag_s = LAG_STEP_S * (best - n_lags)
     return lag_s if abs(lag_s) >= MIN_LAG_S and gain > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS else math.nan
 
 
