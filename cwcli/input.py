@@ -353,7 +353,7 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
 
     Args:
         max_bytes: Number of its first bytes; -1 for all.
-        limit: A whole file with more bytes is refused.
+        limit: A whole file with more bytes is refused, and a device with more than settings may have.
 
     Raises:
         OSError, ValueError: It can't be read, or is too large; a zero byte is in the name.
@@ -365,6 +365,8 @@ def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTING
         _remember_run_input_and_get_inputs(found, str(path))
         if max_bytes >= 0:
             return file.read(max_bytes)
+        if stat.S_ISCHR(found.st_mode):
+            limit = min(limit, MAX_SETTINGS_BYTES)
         # Python takes memory for as many bytes as are asked for
         data = file.read(min(limit, found.st_size) + 1 if stat.S_ISREG(found.st_mode) else limit + 1)
         if len(data) > limit:

@@ -362,15 +362,15 @@ def changed_file(command: tuple[str, ...]) -> str:
     return CHANGED_FILE_OF_FOLDER.get(command[1], command[1])
 
 
-def outputs_for_present_input(folder: Path, command: tuple[str, ...]) -> Files:
-    """What the command writes, undisturbed, from the inputs as they are now; the folder of outputs stays as it is."""
+def outputs_and_code_for_present_input(folder: Path, command: tuple[str, ...]) -> tuple[Files, int]:
+    """What the command makes, undisturbed, of the inputs as they are now; the folder of outputs stays as it is."""
     (folder / "out").rename(folder / "out-before")
     (folder / "out").mkdir()
-    ended(start(folder, command))
+    code, _ = ended(start(folder, command))
     found = outputs(folder)
     shutil.rmtree(folder / "out")
     (folder / "out-before").rename(folder / "out")
-    return found
+    return found, code
 
 
 def check_outputs(folder: Path, known: Reference, *, was_killed: bool = False) -> None:
@@ -470,13 +470,14 @@ def change(folder: Path, command: tuple[str, ...], known: Reference, rng: np.ran
     else:
         os.truncate(path, int(rng.integers(path.stat().st_size)))
     code, said = ended(process)
-    of_bad_input = EXIT_USAGE if path.suffix == ".toml" else EXIT_BAD_INPUT
-    if code not in (0, of_bad_input) or "Traceback" in said:
-        raise Finding(f"it ended with {code}: {said}")
     other.unlink(missing_ok=True)
-    if how == 2 and not code:  # the cut may have come before the reading, and some formats are whole after any line
-        of_cut_file = outputs_for_present_input(folder, command)
+    expected = {0, EXIT_USAGE if path.suffix == ".toml" else EXIT_BAD_INPUT}
+    if how == 2 and code != EXIT_BAD_INPUT:  # the cut may have come before the reading: some formats are whole then
+        of_cut_file, code_of_cut_file = outputs_and_code_for_present_input(folder, command)
         known = Reference((*known.outputs, of_cut_file), known.took_s)
+        expected.add(code_of_cut_file)
+    if code not in expected or "Traceback" in said:
+        raise Finding(f"it ended with {code}: {said}")
     check_outputs(folder, known)
     may_write_some = {"-d", "--clips"} & {*command} or command[0] in GO_ON_WITHOUT
     if bool(code) == bool(outputs(folder)) and not (code and may_write_some):

@@ -68,7 +68,10 @@ def run_command_line(arguments: Sequence[str]) -> int:
     except SystemExit:
         raise
     except BaseException as error:  # one that is no Exception would end Python with 1, the code of a failed gate
-        code = _print_unexpected_error_and_exit_code(error, arguments)
+        signalled = _signal_error_that_caused(error)
+        if isinstance(signalled, Terminated):
+            raise signalled from None
+        code = EXIT_INTERRUPTED if signalled else _print_unexpected_error_and_exit_code(error, arguments)
     try:
         _flush_stdout()
     except BrokenPipeError:
@@ -80,6 +83,15 @@ def run_command_line(arguments: Sequence[str]) -> int:
             code = error.exit_code
             _print_known_error(error)
     return code
+
+
+def _signal_error_that_caused(error: BaseException) -> BaseException | None:
+    """Return the error of a signal behind an error; None if there is none: Python itself turns one into another error
+    where it comes while a class is made (`__set_name__`)."""
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, Terminated | KeyboardInterrupt):
+        cause = cause.__cause__ or cause.__context__
+    return cause
 
 
 def _dispatch_without_plugins(arguments: list[str]) -> int:

@@ -53,6 +53,8 @@ HEADLINE_METRIC_REFERENCES_KEY = "scores"
 LOGS_FOLDER, SCRATCH_FOLDER = "logs", ".scratch"
 """Names of the subfolders of the output folder."""
 
+MAX_JSON_BYTES = 1_000_000_000
+"""The greatest size of a manifest. Chosen by hand: 10^5 logs take 0.2 GB."""
 LINES_WRITTEN_AT_ONCE = 100
 """Number of lines of JSON that are written at a time. Chosen by hand: each has some kB at most."""
 
@@ -301,8 +303,10 @@ def _is_message_count(count: Document) -> bool:
 
 
 def read_json_object(path: Path) -> Document | None:
-    """Read a JSON file that holds an object; None if it is missing or holds something else."""
+    """Read a JSON file that holds an object; None if it is missing, no regular file, or holds something else."""
     try:
+        if not path.is_file() or path.stat().st_size > MAX_JSON_BYTES:
+            return None
         document = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return None

@@ -382,6 +382,8 @@ def are_tables_whole(out: Path, names: object) -> bool:
 
 
 def _is_parquet_file_whole(path: Path) -> bool:
+    if not path.is_file():
+        return False
     try:
         with path.open("rb") as file:
             begin = file.read(len(PARQUET_MAGIC))

@@ -85,6 +85,8 @@ def test_hostile_input_stays_within_its_bounds(tmp_path: Path, name: str) -> Non
     assert cpu_s < MOST_CPU_S
     assert before <= names_below(tmp_path)
     left = names_below(tmp_path) - before
+    if "-d" in arguments:  # the same command goes on with that folder
+        left = {each for each in left if Path(each).parts[0] != "out"}
     assert left <= OUTPUTS if code in (EXIT_DONE, EXIT_GATE_FAILED) else not left
     for text in (printed, said):
         check_printed(text.encode(errors="surrogateescape"))

@@ -108,6 +108,23 @@ def test_exit_codes(
         assert printed.err == ""
 
 
+@pytest.mark.parametrize(("raised", "code"), [(errors.Terminated(), 143), (KeyboardInterrupt(), 130)])
+def test_signal_that_python_turned_into_another_error_ends_the_run(
+    raised: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Python 3.11 raises a RuntimeError for what comes while it makes a class: SIGTERM ended with exit code 70."""
+
+    def dispatch(arguments: list[str]) -> int:
+        raise RuntimeError("Error calling __set_name__") from raised
+
+    monkeypatch.setattr(app, "dispatch_command", dispatch)
+    try:
+        assert main.run_command_line([]) == code
+    except errors.Terminated as ended:
+        assert ended.code == code
+    assert "Traceback" not in capsys.readouterr().err
+
+
 def kinds_of_errors(kind: type[errors.CwcliError] = errors.CwcliError) -> set[type[errors.CwcliError]]:
     return {kind}.union(*(kinds_of_errors(each) for each in kind.__subclasses__()))
 
