@@ -348,6 +348,20 @@ class RealPaths:
         return os.path.join(self._real_folders[folder], own)  # noqa: PTH118 - a `Path` takes ten times as long
 
 
+def is_file(name: str | Path) -> bool:
+    """Whether a user's name is that of a file; a name that is too long, or may not be looked at, is none."""
+    with suppress(OSError, ValueError):
+        return Path(name).is_file()
+    return False
+
+
+def is_folder(name: str | Path) -> bool:
+    """Whether a user's name is that of a folder, as `is_file`."""
+    with suppress(OSError, ValueError):
+        return Path(name).is_dir()
+    return False
+
+
 def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTINGS_BYTES) -> bytes:
     """Read a file, or its first bytes, and remember it as an input.
 

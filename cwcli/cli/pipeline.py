@@ -152,10 +152,10 @@ def _source_or_imported_log(source: Source) -> Source | InputFile:
     """The source; a file that is no log is imported, if nothing about it is ambiguous."""
     if not isinstance(source, str) or source == "-" or "://" in source:
         return source
-    from cwcli.input import InputFile
+    from cwcli.input import InputFile, is_file
     from cwcli.logs.format.faults import is_importable_head
 
-    if not Path(source).is_file():
+    if not is_file(source):
         return source
     try:
         with InputFile.open(source) as file:

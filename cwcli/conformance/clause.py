@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import UsageError, hint_at_closest_or_all_known_names
-from cwcli.input import read_file
+from cwcli.input import is_file, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.registry import bundled_file_stems
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
@@ -264,7 +264,7 @@ def load_clause(name_or_path: str) -> Clause:
     if name_or_path in clause_names():
         name = name_or_path
         text = (files("cwcli.conformance") / "clauses" / f"{name}{CLAUSE_SUFFIX}").read_text(encoding="utf-8")
-    elif Path(name_or_path).is_file():
+    elif is_file(name_or_path):
         name = Path(name_or_path).name.removesuffix(CLAUSE_SUFFIX)
         try:
             text = read_file(Path(name_or_path)).decode()

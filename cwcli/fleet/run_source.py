@@ -25,6 +25,7 @@ from cwcli.fleet.remote_folder import (
     remove_working_folder,
 )
 from cwcli.fleet.tables import METRICS_TABLE, TABLE_FILE_SUFFIX
+from cwcli.input import is_folder
 from cwcli.logs.read.recording import LOG_FILE_SUFFIXES, is_recording_folder
 from cwcli.logs.read.remote import WEB_PREFIXES, file_names_below_url, is_remote_url
 
@@ -52,7 +53,7 @@ def is_folder_of_logs(source: str) -> bool:
         InputError: A zero byte is in the name.
     """
     try:
-        return source not in {"", "-"} and Path(source).is_dir() and not is_recording_folder(Path(source))
+        return source not in {"", "-"} and is_folder(source) and not is_recording_folder(Path(source))
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.input import read_file
+from cwcli.input import is_file, read_file
 from cwcli.lazy_dataclass import dataclass
 from cwcli.simulation.attitude import Attitude
 from cwcli.simulation.catalogue import scenario_names, scenario_text
@@ -117,7 +117,7 @@ def read_scenario_name_and_document(name_or_path: str | Path) -> tuple[str, dict
         source, text = f"{text_name}.toml", scenario_text(text_name)
     else:
         path = Path(name_or_path)
-        if not path.is_file():
+        if not is_file(path):
             raise UsageError(
                 f"no scenario and no file is named {text_name!r}",
                 found=tuple(scenario_names()),

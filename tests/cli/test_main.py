@@ -125,6 +125,29 @@ def test_signal_that_python_turned_into_another_error_ends_the_run(
     assert "Traceback" not in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *(
+            ["evaluate", "NAME"],
+            ["compare", "NAME", "NAME"],
+            ["report", "NAME", "-o", "out.html"],
+            ["find", "NAME", "all"],
+        ),
+        *(["simulate", "NAME", "-o", "out.mcap"], ["conform", "NAME"], ["view", "NAME"], ["estimate", "NAME"]),
+        ["find", "log.mcap", "NAME"],
+    ],
+    ids=" ".join,
+)
+def test_name_that_is_too_long_for_a_file_is_no_bug(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Python raises an OSError for a name of more than 255 octets, as an expression of `find` easily is."""
+    monkeypatch.chdir(tmp_path)
+    assert main.run_command_line(["n" * 300 if each == "NAME" else each for each in arguments]) in (2, 3)
+    assert capsys.readouterr().err.startswith("error: ")
+
+
 def kinds_of_errors(kind: type[errors.CwcliError] = errors.CwcliError) -> set[type[errors.CwcliError]]:
     return {kind}.union(*(kinds_of_errors(each) for each in kind.__subclasses__()))
 

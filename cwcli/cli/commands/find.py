@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cwcli.cli.console import Console
@@ -115,11 +114,12 @@ def command(
     from cwcli.events.search import parse_query, table_of_events
     from cwcli.fleet.clips import write_clips
     from cwcli.fleet.search import find_in_logs, logs_to_search
+    from cwcli.input import is_file
     from cwcli.metrics.table import write_table
     from cwcli.output import refuse_unwritable_targets, write_file
     from cwcli.report.event_page import addresses_of_clips, build_event_page
 
-    if Path(expression).is_file():
+    if is_file(expression):
         raise UsageError(
             f"the last argument, {shorten_and_escape(expression)}, is a file where the expression belongs",
             hint="name the logs first: cwcli find LOG... EXPR; `all` finds every event",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 from cwcli.cli.console import Console
@@ -33,6 +32,7 @@ def command(
     Needs rerun-sdk, the extra `view`.
     """
     from cwcli.export.recording import encode_recording, require_rerun, show_in_viewer
+    from cwcli.input import is_file, is_folder
     from cwcli.logs.read.reader import Log
     from cwcli.logs.read.remote import is_remote_url
     from cwcli.output import refuse_unwritable_targets, write_file
@@ -41,9 +41,9 @@ def command(
         refuse_unwritable_targets([output], force=force, inputs=log)
         check_file_suffix(output, [".rrd"], what="a recording")
     (path, *more) = log
-    if not more and path != "-" and not is_remote_url(path) and not Path(path).exists():
+    if not more and path != "-" and not is_remote_url(path) and not is_file(path) and not is_folder(path):
         raise InputError("there is no such file", where=path)
-    if more or not Path(path).is_file():
+    if more or not is_file(path):
         raise UsageError(f"{path} can't be shown: Rerun opens the file by itself", hint="give one file on this machine")
     require_rerun()
     with Log.open(path) as opened:
