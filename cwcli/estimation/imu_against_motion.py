@@ -24,10 +24,10 @@ from cwcli.estimation.source_hypotheses import (
     MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS,
     step_motions_and_edges_for_evidence,
 )
-from cwcli.estimation.step_motion import covered_step_mask, means_between_edges, trapezoidal_integral
+from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_between_edges, trapezoidal_integral
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import AccelGyroRows, FloatArray
-from cwcli.signals.units import STANDARD_GRAVITY_MPS2
+from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
 
 MIN_CORRECTED_MOUNTING_YAW_RAD = math.radians(6.0)
 """Least angle that is corrected: less adds a tenth of the lateral acceleration to the forward one. Chosen by hand; not
@@ -46,6 +46,9 @@ MIN_RATIO_SIGMAS = 4.0
 LAG_STEP_S, MAX_LAG_S, MIN_LAG_S = 0.1, 2.0, 0.4
 """Step of the lags between gyroscope and accelerometer that are tried, the longest one, and the least one that is a
 fault, s. Chosen by hand: an anti-aliasing filter of 1 Hz lags by 0.2 s, and a body rolls within 0.2 s."""
+LAG_OF_IMU_STEP_S, MAX_LAG_OF_IMU_S, MIN_LAG_OF_IMU_S = 0.25, 4.0, 0.75
+"""Step of the lags of an IMU behind the fixes that are tried, the longest one, and the least one that is corrected, s.
+Chosen by hand: the search for latencies finds fixes that seem early by half a second."""
 SMALLEST_RATIO, SMALLEST_POWER = 1e-3, 1e-12
 """Smallest ratio whose logarithm is taken, and smallest product of two powers by which a correlation is divided."""
 ACCEL_RATIO_RANGE = (0.85, 1.25)
@@ -65,6 +68,7 @@ class StepAccelerations:
         course_rad: Shape (n,): course by the fixes; NaN where they hardly move.
         judges: Names of the others.
         time_s, speed_mps: Shape (n,): middle of the steps, and speed by the others.
+        fixes, edges_s: Motion of the fixes in all steps, and the edges of these.
     """
 
     measured: FloatArray
@@ -73,17 +77,23 @@ class StepAccelerations:
     judges: str
     time_s: FloatArray
     speed_mps: FloatArray
+    fixes: StepMotion
+    edges_s: FloatArray
 
 
 def correct_imus_and_find_contradictions_of_motion(
-    measurements: Sequence[Measurements], prepared: Sequence[PreparedSeries], trusted: Collection[str] = ()
+    measurements: Sequence[Measurements],
+    prepared: Sequence[PreparedSeries],
+    trusted: Collection[str] = (),
+    trusted_clocks: Collection[str] = (),
 ) -> tuple[list[Measurements], list[Correction], list[Contradiction]]:
-    """Return the measurements with level IMUs turned back and in their scale, what was corrected, and wrong maps.
+    """Return the measurements with level IMUs in place, in scale and on time, what was corrected, and wrong maps.
 
     Args:
         measurements: Measurements.
         prepared: Their series, after what contradicts the others was left out.
         trusted: Sources that are not corrected.
+        trusted_clocks: Sources whose stamps stay as they are, because the user said how late they are.
     """
     usable = [p for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE]
     fixes = next((p.series for p in usable if p.series.kind is Kind.POSITION), None)
@@ -106,6 +116,18 @@ def correct_imus_and_find_contradictions_of_motion(
         accelerations = compute_step_accelerations(time_s, m.values[rows], [fixes, *helpers])
         if accelerations is None:
             continue
+        lag_s = lag_of_gyroscope_behind_accelerometer_s(time_s, m.values[rows], accelerations)
+        if math.isfinite(lag_s):
+            corrections.append(_correction_of_lag(m, lag_s))
+            corrected[-1] = _advance_lagging_columns(m, rows, lag_s)
+            continue
+        lag_s = lag_of_imu_behind_fixes_s(time_s, m.values[rows], accelerations)
+        if math.isfinite(lag_s) and m.source not in trusted_clocks:
+            who = SourceQuantity(m.source, Kind.IMU)
+            fault = f"lags behind {fixes.source} by about {lag_s:.1f} s, and fixes are never early"
+            corrections.append(Correction(who, "late", fault, "moved by it", "by turns and changes of speed", len(m)))
+            corrected[-1] = replace(m, stamp_ns=m.stamp_ns - round(lag_s * NS_PER_S))
+            continue
         gravity_g = float(np.linalg.norm(m.values[rows, :3].mean(axis=0))) / STANDARD_GRAVITY_MPS2
         found = find_imu_yaw_hypothesis_and_evidence(accelerations)
         low, high = bounds_of_ratio_beyond_range(accelerations)
@@ -113,32 +135,31 @@ def correct_imus_and_find_contradictions_of_motion(
         is_scaled = low < RIGHT_GRAVITY_RANGE[1] * gravity_g and high > RIGHT_GRAVITY_RANGE[0] * gravity_g
         if found is None and not is_gravity_right and is_scaled:
             found = _accel_scale_hypothesis(gravity_g), f"by accelerations of {accelerations.judges}"
-        elif found is None and is_gravity_right:
-            contradictions += _contradictions_of_map(fixes.source, m.source, low, high)
+        elif found is None and is_gravity_right and _is_beyond_range(low, high):
+            # A speed may be wrong itself.
+            without_speed = [fixes, *(s for s in helpers if s.kind is not Kind.SPEED)]
+            by_fixes = compute_step_accelerations(time_s, m.values[rows], without_speed)
+            low, high = (math.nan, math.nan) if by_fixes is None else bounds_of_ratio_beyond_range(by_fixes)
+            if _is_beyond_range(low, high):
+                contradictions.append(_contradiction_of_map(fixes.source, m.source, low, high))
         if found is not None:
             corrections.append(correction_of_all_rows(m, *found))
             corrected[-1] = found[0].correct_measurements(m)
-        lag_s = lag_of_gyroscope_behind_accelerometer_s(time_s, m.values[rows], accelerations)
-        if math.isfinite(lag_s):
-            corrections.append(_correction_of_lag(m, lag_s))
-            corrected[-1] = _advance_lagging_columns(corrected[-1], rows, lag_s)
     return corrected, corrections, contradictions
 
 
-def _contradictions_of_map(fixes: str, imu: str, low: float, high: float) -> list[Contradiction]:
-    """Return a contradiction of the fixes where bounds of the ratio of an IMU's accelerations to theirs are not near 1.
+def _is_beyond_range(low: float, high: float) -> bool:
+    """Whether the bounds of a ratio leave ACCEL_RATIO_RANGE; not where they are NaN."""
+    return high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]
 
-    Args:
-        fixes, imu: Names of the sources.
-        low, high: The bounds.
-    """
-    if not (high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]):
-        return []
+
+def _contradiction_of_map(fixes: str, imu: str, low: float, high: float) -> Contradiction:
+    """Return the contradiction of fixes, given the bounds of the ratio of an IMU's accelerations to theirs."""
     what = (
         f"its fixes, and what agrees with them, move {1.0 / high:.2f} to {1.0 / low:.2f} times as far as the "
         f"accelerations of {imu} show, whose gravity is right: check its unit and its map"
     )
-    return [Contradiction(SourceQuantity(fixes, Kind.POSITION), CAR_MOTION_TEXT, what, explains_misfits=True)]
+    return Contradiction(SourceQuantity(fixes, Kind.POSITION), CAR_MOTION_TEXT, what, explains_misfits=True)
 
 
 def _accel_scale_hypothesis(gravity_g: float) -> Hypothesis:
@@ -175,6 +196,43 @@ def lag_of_gyroscope_behind_accelerometer_s(time_s: FloatArray, values: AccelGyr
     gain = 0.5 * n_independent * math.log((1.0 - correlation[n_lags] ** 2) / (1.0 - correlation[best] ** 2))
     lag_s = LAG_STEP_S * (best - n_lags)
     return lag_s if abs(lag_s) >= MIN_LAG_S and gain > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS else math.nan
+
+
+def lag_of_imu_behind_fixes_s(time_s: FloatArray, values: AccelGyroRows, a: StepAccelerations) -> float:
+    """Return by how much an IMU lags behind the fixes, s; NaN where it does not clearly by MIN_LAG_OF_IMU_S or more.
+
+    Changes of speed and turns from step to step are compared with those of the IMU some time later. Fixes are never
+    early, so that it is the IMU that is late; a smaller lag is left to the search for latencies.
+
+    Args:
+        time_s, values: Rows of the IMU; accelerometer and gyroscope, (n, 6).
+        a: Its accelerations in steps.
+    """
+    lags_s = np.arange(0.0, MAX_LAG_OF_IMU_S + LAG_OF_IMU_STEP_S, LAG_OF_IMU_STEP_S)
+    within = (a.edges_s[:-2] > time_s[0]) & (a.edges_s[2:] + MAX_LAG_OF_IMU_S < time_s[-1])
+    likelihood, best_correlation = np.zeros(len(lags_s)), np.zeros(len(lags_s))
+    for k, wanted in ((0, a.fixes.speed_change_to_next_step_mps), (5, a.fixes.turn_rad)):
+        rows = within & np.isfinite(wanted)
+        n = int(rows.sum())
+        if n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
+            continue
+        twice = trapezoidal_integral(time_s, trapezoidal_integral(time_s, values[:, k]))
+        by_fixes = wanted[rows] - wanted[rows].mean()
+        for i, lag_s in enumerate(lags_s.tolist()):
+            by_imu = np.diff(np.interp(a.edges_s + lag_s, time_s, twice), 2)[rows]
+            by_imu = by_imu - by_imu.mean()
+            power = float((by_imu**2).sum() * (by_fixes**2).sum())
+            correlation = float((by_imu * by_fixes).sum()) / math.sqrt(max(power, SMALLEST_POWER))
+            if 0.0 < correlation < 1.0:
+                likelihood[i] -= 0.5 * n * math.log(1.0 - correlation**2)
+                best_correlation[i] = max(best_correlation[i], correlation)
+    best = int(likelihood.argmax())
+    is_clear = (
+        lags_s[best] >= MIN_LAG_OF_IMU_S
+        and best_correlation[best] > MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS
+        and likelihood[best] - likelihood[0] > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS
+    )
+    return float(lags_s[best]) if is_clear else math.nan
 
 
 def _correction_of_lag(m: Measurements, lag_s: float) -> Correction:
@@ -230,7 +288,7 @@ def compute_step_accelerations(
     judges = ", ".join(dict.fromkeys(m.source for m in (speed, turning)))
     middle_s = 0.5 * (edges_s[2:-1] + edges_s[1:-2])
     return StepAccelerations(
-        f, r, motions[0].angle_rad[1:-1][rows], judges, middle_s[rows], speed.speed_mps[1:-1][rows]
+        f, r, motions[0].angle_rad[1:-1][rows], judges, middle_s[rows], speed.speed_mps[1:-1][rows], motions[0], edges_s
     )
 
 

@@ -72,7 +72,12 @@ class JudgedSources:
 
 
 def judge_sources(
-    measurements: Sequence[Measurements], prepare: Prepare, *, trusted: Collection[str] = (), looks_ahead: bool = True
+    measurements: Sequence[Measurements],
+    prepare: Prepare,
+    *,
+    trusted: Collection[str] = (),
+    trusted_clocks: Collection[str] = (),
+    looks_ahead: bool = True,
 ) -> JudgedSources:
     """Correct and leave out sources; see the module.
 
@@ -80,6 +85,7 @@ def judge_sources(
         measurements: Positions first; what the user says of them is corrected already.
         prepare: Cleans them.
         trusted: Sources that are neither corrected nor left out.
+        trusted_clocks: Sources whose stamps stay as they are, because the user said how late they are.
         looks_ahead: Whether the whole log may be used; else contradictions are reported, and nothing is changed.
     """
     if not looks_ahead:
@@ -144,7 +150,9 @@ def judge_sources(
         if in_part:
             corrections += in_part
             prepare_and_vote_again()
-    current, turned_imus, wrong_maps = correct_imus_and_find_contradictions_of_motion(current, voted.prepared, trusted)
+    current, turned_imus, wrong_maps = correct_imus_and_find_contradictions_of_motion(
+        current, voted.prepared, trusted, trusted_clocks
+    )
     current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
     if turned_imus or scaled:
         corrections += [*turned_imus, *scaled]

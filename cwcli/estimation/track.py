@@ -238,7 +238,11 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
     looks_ahead = not (config.blind or (config.causal and config.calibration is not None))
     if config.compares_sources:
         judged_sources = judge_sources(
-            measurements, prepare_series_with_lever_arms, trusted=trusted, looks_ahead=looks_ahead
+            measurements,
+            prepare_series_with_lever_arms,
+            trusted=trusted,
+            trusted_clocks=config.sources_with_trusted_clock,
+            looks_ahead=looks_ahead,
         )
     else:
         corrected, found = (

@@ -78,3 +78,17 @@ def test_a_clipped_accelerometer_is_set_aside_where_it_is_at_the_end_of_its_rang
     assert "saturated" in correction.fault
     # It brakes by 2 m/s^2 in six times 4 s. To the right it turns three times alone, which is no end of a range yet.
     assert correction.n_set_aside == pytest.approx(6 * 4 * 20, abs=10)
+
+
+@pytest.mark.parametrize("kinds", [ALL, LEAN], ids=["all", "lean"])
+def test_an_imu_that_is_seconds_late_is_moved_unless_the_user_says_how_late_it_is(kinds: tuple[Kind, ...]) -> None:
+    """Of two clocks that differ by 2 s the fixes' is no later: a receiver reports what was, never what comes."""
+    late = [replace(m, stamp_ns=m.stamp_ns + 2 * 10**9) if m.kind is Kind.IMU else m for m in _drive(*kinds)]
+    judged = _judge(late)
+    (correction,) = judged.corrections
+    assert correction.fault.startswith("lags behind /position by about 2.0 s")
+    moved = next(p.series for p in judged.prepared if p.series.kind is Kind.YAW_RATE)
+    assert moved.time_s[0] == pytest.approx(0.0, abs=0.26)
+    assert _judge(late, trusted_clocks=["/imu"]).corrections == ()
+    early = [replace(m, stamp_ns=m.stamp_ns - 2 * 10**9) if m.kind is Kind.IMU else m for m in _drive(*kinds)]
+    assert not any("lags behind /position" in each.fault for each in _judge(early).corrections)
