@@ -156,6 +156,8 @@ class LaneTracker:
         )  # for the evidence: new memory in every frame costs as much as to fill it
         self._odds: list[float] | None = None
         self._last_fit: LaneFit | None = None
+        self._last_lane: ImageLane | None = None
+        self._lane_change_per_s: ImageLane | None = None
         self._is_tight_bend_better = False
         self._scene_votes = 1.0
         self._first_frame_probabilities: LeftRightProbabilities | None = None
@@ -190,8 +192,12 @@ class LaneTracker:
             self._followed_s, self._next_horizon_recheck_s = 0.0, FIRST_HORIZON_RECHECK_S
         self._n_frames += 1
         fit = self._publish_best_hypothesis(frame, camera, dt_s)
+        lane, before = self._hypotheses[0].lane if self._hypotheses else None, self._last_lane
+        is_same = dt_s > 0.0 and fit.steady_s > 0.0 and not fit.lane_change
+        self._last_lane, self._lane_change_per_s = lane, None
+        if is_same and lane is not None and before is not None:
+            self._lane_change_per_s = (lane - before) / dt_s
         if self._line_classifier is not None:
-            lane = self._hypotheses[0].lane if self._hypotheses else None
             fit = self._line_classifier.fit_with_kinds_and_colours(fit, frame, self._evidence, lane)
         self._last_fit = fit
         return fit
@@ -202,7 +208,8 @@ class LaneTracker:
         What the next searched frame finds does not depend on it.
 
         Args:
-            speed_mps, yaw_rate_radps: The car's motion; NaN where it is not known: then the lane stays where it was.
+            speed_mps, yaw_rate_radps: The car's motion; NaN where it is not known: then the lane goes on moving in the
+                picture as it did between the last two searched frames.
         """
         last = self._last_fit
         if last is None or self._camera is None or self._prior is None or not (last.left.found or last.right.found):
@@ -212,6 +219,8 @@ class LaneTracker:
         lane = predict_lane_at_next_frame(
             self._hypotheses[0].lane, camera, speed_mps, yaw_rate_radps, dt_s, self._prior
         )
+        if self._lane_change_per_s is not None and math.isnan(speed_mps + yaw_rate_radps):
+            lane = self._hypotheses[0].lane + self._lane_change_per_s * dt_s
         left, right = (
             replace_parabola_of_boundary(side, *parabola)
             for side, parabola in zip(

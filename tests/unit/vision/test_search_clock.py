@@ -98,6 +98,18 @@ def test_a_lane_is_carried_as_the_car_moves() -> None:
     assert straight.steady_s == pytest.approx(last.steady_s + 0.05)
 
 
+def test_a_lane_is_carried_as_it_moved_where_the_motion_is_not_known() -> None:
+    """The picture moves by 2 pixels in 100 ms, so in 50 ms the lane's vanishing point moves by 1 pixel."""
+    scene, search = render_set_frame("good", 3), LaneTracker()
+    for k in range(5):
+        fit = search.step(LaneFrame(np.roll(scene.grey, 2 * k, axis=1), mounted(), k * 100_000_000, k))
+    carried = search.carry(450_000_000)
+    assert fit.roads is not None
+    assert carried.roads is not None
+    np.testing.assert_allclose((carried.roads - fit.roads)[:, 0], 1.0, atol=0.3)
+    np.testing.assert_allclose((carried.roads - fit.roads)[:, 1], 0.0, atol=0.01)
+
+
 def test_a_search_does_not_depend_on_what_was_carried() -> None:
     scene = render_set_frame("good", 3)
     fits = []
