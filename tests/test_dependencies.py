@@ -48,6 +48,21 @@ def package(requirement: str) -> str:
     return re.split(r"[\[<>=!~; ]", requirement, maxsplit=1)[0].lower()
 
 
+def versions_with_hashes(name: str) -> dict[str, tuple[int, ...]]:
+    """Package -> version, of a file of `.ci`; each has hashes of its files."""
+    found = {}
+    for part in re.split(r"\n(?=\S)", (ROOT / ".ci" / name).read_text(encoding="utf-8").strip()):
+        head, *hashes = part.split(" \\\n    --hash=sha256:")
+        assert hashes and all(re.fullmatch(r"[0-9a-f]{64}", each) for each in hashes), head
+        found[package(head)] = numbers_of_version(head.partition("==")[2])
+    return found
+
+
+def numbers_of_version(text: str) -> tuple[int, ...]:
+    """`6.0` and `6` are the same version."""
+    return tuple(map(int, re.sub(r"(\.0)+$", "", text).split(".")))
+
+
 def declared(extra: str) -> set[str]:
     return {*map(package, PROJECT["project"]["optional-dependencies"][extra])}
 
@@ -141,3 +156,11 @@ def test_no_module_asks_protobuf_for_what_only_new_versions_have() -> None:
     """`FieldDescriptor.is_repeated` came with protobuf 6.31; `is_repeated_field` works with all that are allowed."""
     sources = [path for path in (ROOT / "cwcli").rglob("*.py") if ".is_repeated" in path.read_text()]
     assert sources == []
+
+
+def test_lowest_and_newest_tested_versions_have_hashes() -> None:
+    lowest, newest = versions_with_hashes("lowest.txt"), versions_with_hashes("newest.txt")
+    needed = (each.partition(">=") for each in PROJECT["project"]["dependencies"])
+    assert lowest == {package(name): numbers_of_version(version) for name, _, version in needed}
+    assert newest.keys() == lowest.keys()
+    assert all(newest[name] >= lowest[name] for name in lowest)

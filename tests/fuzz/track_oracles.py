@@ -27,6 +27,8 @@ DATE_CLOCK = re.compile(r"(\d{4})/(\d{1,2})/(\d{1,2}) (\d{1,2}):(\d{2}):(\d{2})(
 WEEK_SECONDS = re.compile(r"(\d+) (\d+)(?:\.(\d*))?", re.ASCII)
 MINUTES = {"lat": 1, "latitude": 1, "long": -1, "longitude": -1}
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+LONG_EXPONENT = re.compile(r"[eE][+-]?\d{4,}$", re.ASCII)
+"""cwcli takes `1E0000` for 1 in a column of nothing but numbers, else for a text."""
 
 
 def number(text: str) -> float:
@@ -142,7 +144,8 @@ def vbox(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
             values["time"] = midnight_ns + ns
         for name, sign in MINUTES.items():
             if name in values:
-                values[name] = number(str(values[name])) / 60 * sign
+                text = str(values[name])
+                values[name] = None if LONG_EXPONENT.search(text) else number(text) / 60 * sign
         rows.append(
             tuple(values[name] if name in {"time", *MINUTES} else cell for name, cell in zip(names, cells, strict=True))
         )
