@@ -15,6 +15,7 @@ import numpy.typing as npt
 from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.estimation.hypotheses.imu import ACCEL_UNIT_HYPOTHESES
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
@@ -163,6 +164,10 @@ def _contradiction_of_map(fixes: str, imu: str, low: float, high: float) -> Cont
 
 
 def _accel_scale_hypothesis(gravity_g: float) -> Hypothesis:
+    """Return the unit that a mean specific force, as a multiple of gravity in m/s^2, is in; else its scale."""
+    for unit in ACCEL_UNIT_HYPOTHESES:
+        if RIGHT_GRAVITY_RANGE[0] < unit.matrix[0][0] * gravity_g < RIGHT_GRAVITY_RANGE[1]:
+            return unit
     matrix = np.diag([1.0 / gravity_g] * 3 + [1.0] * 3)
     fault = f"has an accelerometer that reads {gravity_g:.2f} times too much, gravity too"
     return Hypothesis("scaled", "accel unit", fault, "divided by it", tuple(map(tuple, matrix.tolist())), (0.0,) * 6)
