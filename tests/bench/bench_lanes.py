@@ -13,6 +13,7 @@ those of the pairs. Prints a Markdown table and exits with 1 when a bound is mis
 from __future__ import annotations
 
 import argparse
+import os
 import resource
 import statistics
 import subprocess
@@ -98,6 +99,8 @@ def main() -> int:
         return 0
     from cwcli.vision.methods import methods_without_model
 
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package is compiled
+    subprocess.run([sys.executable, "-m", "cwcli", "lanes", "--help"], check=True, stdout=subprocess.DEVNULL)
     print("| method | cwcli lanes | decoding alone | ratio of each pair | median | bound | ratio of processor times |")
     print("|---|---|---|---|---|---|---|")
     failed = False
