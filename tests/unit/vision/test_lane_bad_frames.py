@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
+from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
+from cwcli.logs.read.reader import Log
 from cwcli.metrics.lane_scores import (
     VISUAL_REFERENCE_IMAGE_WIDTH_PX,
     VISUAL_STANDARD_COLUMN_TOLERANCE_PX,
@@ -19,10 +22,13 @@ from cwcli.metrics.lane_scores import (
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
+from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFrame
 from tests.studies.lane_halves import drawn
+from tests.unit.vision.fake_frames import encoded
+from tests.unit.vision.lane_logs import write_log
 
 WIDTH_PX, HEIGHT_PX, N_FRAMES = 640, 360, 12
 V, U = np.mgrid[:HEIGHT_PX, :WIDTH_PX].astype(np.float64)
@@ -180,3 +186,16 @@ def test_the_lane_is_found_and_right_in_spite_of_what_is_odd(kind: str) -> None:
 def test_a_dashcam_of_four_frames_a_second_is_followed() -> None:
     pictures, truths = zip(*road(4.0), strict=True)
     assert judge(list(pictures), list(truths), 4.0) == (2 * N_FRAMES, 0, 0.0)
+
+
+@pytest.mark.parametrize("cast", [(0.45, 0.9, 1.15), (1.2, 0.9, 0.6), (0.7, 1.1, 0.7)])
+def test_white_lines_are_found_and_not_called_yellow_under_a_colour_cast(
+    cast: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """Blue, green, red: a sodium lamp, a blue windscreen, a wrong white balance."""
+    pictures = [np.clip(grey[..., None] * np.array(cast), 0, 255).astype(np.uint8) for grey, _ in road()]
+    with Log.open(write_log(tmp_path / "cast.mcap", [encoded(each, ".jpg") for each in pictures])) as log:
+        table: Mapping[str, Any] = lanes(log, LanesConfig()).tables["lanes"].columns
+    for side in ("left", "right"):
+        assert np.all(table[f"{side}_found"])
+        assert set(table[f"{side}_colour"]) == {"white"}
