@@ -297,6 +297,29 @@ def compute_step_accelerations(
     )
 
 
+def is_gyroscope_reversed_against_own_accelerometer(
+    time_s: FloatArray, values: AccelGyroRows, fixes: SensorSeries, own_yaw_rate: SensorSeries
+) -> bool:
+    """Whether the lateral acceleration of an IMU is that of the turns of the fixes, but the opposite of its own turns.
+
+    Then its gyroscope is reversed, however many headings agree with it. Where both are opposite, the map may be
+    mirrored.
+
+    Args:
+        time_s, values: Rows of the IMU; accelerometer and gyroscope, (n, 6).
+        fixes: Positions.
+        own_yaw_rate: Yaw rate of the IMU.
+    """
+    by_turns_of = [compute_step_accelerations(time_s, values, others) for others in ([fixes], [fixes, own_yaw_rate])]
+    correlations = [
+        float(np.corrcoef(a.measured[:, 1], a.reference[:, 1])[0, 1])
+        for a in by_turns_of
+        if a is not None and np.ptp(a.measured[:, 1]) > 0.0 and np.ptp(a.reference[:, 1]) > 0.0
+    ]
+    least = MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS
+    return len(correlations) == len(by_turns_of) and correlations[0] > least and correlations[1] < -least
+
+
 def find_imu_yaw_hypothesis_and_evidence(a: StepAccelerations) -> tuple[Hypothesis, str] | None:
     """Return the turn of a level IMU about the vertical and what shows it, or None.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.hypotheses.base import Hypothesis
+from cwcli.estimation.hypotheses.imu import GYRO_REVERSED_HYPOTHESIS
+from cwcli.estimation.imu_against_motion import is_gyroscope_reversed_against_own_accelerometer
 from cwcli.estimation.imu_hypotheses import find_imu_unit_sign_or_axis_fault
 from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
@@ -92,6 +95,10 @@ def correct_one_contradicted_source(
     level = [s for s in usable if not (s.kind in KINDS_THAT_IMU_MEASURES_TOO and s.source in tilted)]
     if not any(s.kind is Kind.POSITION for s in level):
         return None
+    for source in suspected_imus:
+        reversed_gyroscope = _attempt_reversed_gyroscope(imus[source], measurements, level, prepare, zero_ns)
+        if reversed_gyroscope is not None:
+            return reversed_gyroscope
     findings = [
         found
         for i, s in enumerate(level)
@@ -126,6 +133,28 @@ def correct_one_contradicted_source(
         if all(attempt.gain - other_gain >= MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT for other_gain in rivals):
             return attempt
     return None
+
+
+def _attempt_reversed_gyroscope(
+    imu: Measurements,
+    measurements: Sequence[Measurements],
+    levelled_series: Sequence[SensorSeries],
+    prepare: Prepare,
+    zero_ns: int,
+) -> CorrectionAttempt | None:
+    """Return the measurements with the gyroscope reversed where the IMU's own accelerometer shows that it is wrong."""
+    fixes = next(s for s in levelled_series if s.kind is Kind.POSITION)
+    rate = next((s for s in levelled_series if s.kind is Kind.YAW_RATE and s.source == imu.source), None)
+    rows = np.flatnonzero(np.isfinite(imu.values).all(axis=1))
+    rows = rows[np.argsort(imu.stamp_ns[rows], kind="stable")]
+    time_s = seconds_since_zero_time(imu.stamp_ns[rows], zero_ns)
+    if rate is None or not is_gyroscope_reversed_against_own_accelerometer(time_s, imu.values[rows], fixes, rate):
+        return None
+    hypothesis = GYRO_REVERSED_HYPOTHESIS
+    corrected = [hypothesis.correct_measurements(m) if m is imu else m for m in measurements]
+    evidence = f"by its own accelerometer and {fixes.source}"
+    correction = correction_of_all_rows(imu, hypothesis, evidence)
+    return CorrectionAttempt(corrected, *prepare(corrected), correction, hypothesis, math.inf)
 
 
 def _is_imu_quantity(quantity: SourceQuantity) -> bool:

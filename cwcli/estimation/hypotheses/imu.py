@@ -75,11 +75,15 @@ GYRO_UNIT_HYPOTHESES = (
     ),
 )
 """Hypotheses on the unit of a gyroscope."""
+GYRO_REVERSED_HYPOTHESIS = _scale_hypothesis(
+    "gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0
+)
+"""Hypothesis that the gyroscope has the wrong sign."""
 IMU_SIGN_HYPOTHESES = (
     _scale_hypothesis(
         "accel-reversed", "accel sign", "has an accelerometer with the wrong sign", "reversed", -1.0, 1.0
     ),
-    _scale_hypothesis("gyro-reversed", "gyro sign", "has a gyroscope with the wrong sign", "reversed", 1.0, -1.0),
+    GYRO_REVERSED_HYPOTHESIS,
 )
 """Two hypotheses: that the accelerometer has the wrong sign, and that the gyroscope has."""
 IMU_AXES_HYPOTHESES = tuple(imu_axes_hypothesis(*axes) for axes in signed_axis_rotations()[1:])

@@ -10,7 +10,7 @@ import pytest
 
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.source_judgement import JudgedSources
-from tests.unit.estimation.test_source_judgement import ALL, LEAN, _drive, _judge, _with_fault
+from tests.unit.estimation.test_source_judgement import ALL, LEAN, _drive, _gyro, _judge, _with_fault
 
 
 def _forward_accelerations(judged: JudgedSources) -> np.ndarray:
@@ -96,3 +96,19 @@ def test_an_imu_that_is_seconds_late_is_moved_unless_the_user_says_how_late_it_i
     assert _judge(late, trusted_clocks=["/imu"]).corrections == ()
     early = [replace(m, stamp_ns=m.stamp_ns - 2 * 10**9) if m.kind is Kind.IMU else m for m in _drive(*kinds)]
     assert not any("lags behind /position" in each.fault for each in _judge(early).corrections)
+
+
+def test_a_gyroscope_and_a_heading_that_both_count_clockwise_do_not_mirror_the_map() -> None:
+    """Two against one: but the IMU's own lateral acceleration is with the fixes."""
+    both = _with_fault(_with_fault(_drive(*ALL), Kind.IMU, _gyro(-1.0)), Kind.HEADING, lambda v: 0.5 * np.pi - v)
+    judged = _judge(both)
+    assert [(each.who.kind, each.name) for each in judged.corrections] == [
+        (Kind.IMU, "gyro-reversed"),
+        (Kind.HEADING, "clockwise-from-north"),
+    ]
+    assert judged.contradictions == ()
+
+
+def test_a_mirrored_map_does_not_reverse_the_gyroscope() -> None:
+    judged = _judge(_with_fault(_drive(*ALL), Kind.POSITION, lambda v: v * [-1.0, 1.0]))
+    assert [each.who.kind for each in judged.corrections] == [Kind.POSITION]

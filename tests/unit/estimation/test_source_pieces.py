@@ -26,7 +26,7 @@ def _with_fault_between(
 
 
 def _told(judged: JudgedSources) -> list[str]:
-    return [c.sentence_on_fault_and_undoing.split(" (log")[0] for c in judged.corrections]
+    return [c.sentence_on_fault_and_undoing.rpartition(" (")[0] for c in judged.corrections]
 
 
 def _largest_differences(judged: JudgedSources, right: JudgedSources) -> dict[Kind, float]:
