@@ -27,6 +27,7 @@ from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.option import Option
+from cwcli.pipeline.assumed_camera import CONTRADICTED_LENS_NOTE_BEGINNING
 from cwcli.pipeline.call import Selection
 from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
 from cwcli.pipeline.run_record import build_run_record
@@ -416,7 +417,7 @@ class _LaneSearchRun:
             return ()
         own_rad, own_source = 2.0 * math.atan(0.5 * camera.width_px / camera.fx), self._source.info
         return (
-            f"the way in which the lane moves as the car turns fits a horizontal field of view of about "
+            f"{CONTRADICTED_LENS_NOTE_BEGINNING} a horizontal field of view of about "
             f"{math.degrees(seen_rad):.0f} degrees, not the {math.degrees(own_rad):.0f} that "
             f"{'are assumed: try --camera-fov' if own_source is None else own_source.source + ' states'}",
         )

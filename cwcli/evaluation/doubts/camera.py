@@ -1,4 +1,4 @@
-"""A camera whose lens or mounting is assumed, because the log does not tell them."""
+"""A camera whose lens or mounting is assumed, as the log does not tell them, or whose lens the drive contradicts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ from collections.abc import Iterator
 
 from cwcli.evaluation.doubts.base import DoubtRule, Finding
 from cwcli.evaluation.doubts.evidence import DoubtEvidence
-from cwcli.pipeline.assumed_camera import ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING
+from cwcli.pipeline.assumed_camera import (
+    ASSUMED_LENS_NOTE_BEGINNING,
+    ASSUMED_MOUNTING_NOTE_BEGINNING,
+    CONTRADICTED_LENS_NOTE_BEGINNING,
+)
 
 MIN_ASSUMPTIONS_FOR_DOUBT = 1
 """Number of assumed properties from which the lanes are doubted. Chosen by hand: each changes every distance."""
@@ -15,8 +19,13 @@ NOTE_START_BY_ASSUMED_PROPERTY = {"lens": ASSUMED_LENS_NOTE_BEGINNING, "mounting
 
 
 def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:
-    """Yield what of the camera is assumed."""
+    """Yield that the lens is contradicted, else what of the camera is assumed."""
     notes = evidence.summary_of_stage("lanes").notes
+    if any(note.startswith(CONTRADICTED_LENS_NOTE_BEGINNING) for note in notes):
+        yield Finding(
+            1.0, "As the car turns, the lane moves as another lens would show it: every distance may be wrong."
+        )
+        return
     assumed = [
         name for name, text in NOTE_START_BY_ASSUMED_PROPERTY.items() if any(note.startswith(text) for note in notes)
     ]
@@ -30,7 +39,7 @@ def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 
 ASSUMED_CAMERA_RULE = DoubtRule(
-    summary="a camera whose lens or mounting is assumed",
+    summary="a camera whose lens or mounting is assumed, or whose lens the drive contradicts",
     short_name="assumed camera",
     threshold=MIN_ASSUMPTIONS_FOR_DOUBT,
     unit="",

@@ -22,7 +22,11 @@ from cwcli.evaluation.doubts.evidence import DoubtEvidence
 from cwcli.evaluation.estimate import lost_quantity_spans_to_record_entry
 from cwcli.evaluation.fix_offsets import fix_offsets_to_record_entry, least_value_in_window_from_each_row
 from cwcli.evaluation.truth import build_nees_section
-from cwcli.pipeline.assumed_camera import ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING
+from cwcli.pipeline.assumed_camera import (
+    ASSUMED_LENS_NOTE_BEGINNING,
+    ASSUMED_MOUNTING_NOTE_BEGINNING,
+    CONTRADICTED_LENS_NOTE_BEGINNING,
+)
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE, StateFlag
 
@@ -67,9 +71,9 @@ def evidence(
     return DoubtEvidence(records, states() if ego is None else ego, 0, end_ns, faults or {})
 
 
-def assumed_camera_evidence() -> DoubtEvidence:
+def assumed_camera_evidence(*more: str) -> DoubtEvidence:
     """What is known of lanes that were found with an assumed lens and mounting, without an estimate."""
-    notes = [f"{text}: 60 degrees" for text in (ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING)]
+    notes = [f"{text}: 60 degrees" for text in (ASSUMED_LENS_NOTE_BEGINNING, ASSUMED_MOUNTING_NOTE_BEGINNING, *more)]
     return DoubtEvidence({"lanes": {"summary": json.dumps({"sections": [], "notes": notes})}})
 
 
@@ -202,6 +206,12 @@ def test_doubt_is_found_alone_with_its_number(name: str, found: DoubtEvidence, v
 
 def test_every_doubt_has_a_case() -> None:
     assert [case[0] for case in DOUBTFUL] == [name for name, rule in DOUBT_RULES.items() if not rule.is_remark]
+
+
+def test_a_contradicted_lens_is_told_instead_of_an_assumed_one() -> None:
+    [doubt] = find_doubts_in_evidence(assumed_camera_evidence(CONTRADICTED_LENS_NOTE_BEGINNING))
+    told = "As the car turns, the lane moves as another lens would show it: every distance may be wrong."
+    assert (doubt.name, doubt.sentence) == ("camera", told)
 
 
 def test_what_was_repaired_comes_behind_what_is_not() -> None:
