@@ -15,7 +15,14 @@ from cwcli.estimation.odd_sensors import (
     stuck_row_mask,
 )
 from cwcli.lazy_dataclass import dataclass
-from cwcli.signals.columns import BoolArray, EastNorthRows, FloatArray, ValueRows, median_of_values
+from cwcli.signals.columns import (
+    BoolArray,
+    EastNorthRows,
+    FloatArray,
+    ValueRows,
+    median_of_values,
+    sort_distinct_values,
+)
 
 MIN_MOVING_SPEED_MPS = 3.0
 """Least mean speed in m/s, by the fixes, of a car that surely moves, so that a repeated zero is a fault. Chosen by
@@ -38,6 +45,8 @@ MAX_TIME_STEP_OF_JUMP_TO_USUAL = 3.0
 MIN_CONSECUTIVE_SATURATED_IMU_ROWS, MIN_SATURATED_ACCELEROMETER_STRETCHES = 5, 4
 """Least number of rows in a row at the end of the range of an axis, and of such stretches of an accelerometer. Chosen
 by hand; noise never repeats so long."""
+MIN_ROWS_AT_END_OF_RANGE_TO_NEXT_VALUE = 3.0
+"""Least number of rows at the end of a range, relative to that at the value beside it. Chosen by hand."""
 MAX_NOISELESS_SECOND_TO_FIRST_DIFFERENCES_RATIO = 0.5
 """Greatest ratio of the summed absolute second differences of a signal without noise to its summed absolute first
 differences; white noise has sqrt(3) = 1.73. Chosen by hand; not fitted."""
@@ -204,16 +213,27 @@ def _continues_smoothly_after_repetitions(values: ValueRows, is_long_repetition:
 def _saturated_imu_mask(values: FloatArray) -> BoolArray:
     """Return a mask (n,) of the rows in which an axis of the gyroscope or accelerometer stays at the end of its range.
 
-    A coarse accelerometer may stay at its greatest value once or twice, while the car brakes hardest.
+    Noise makes an axis of few values reach the last one less often than the value beside it. An accelerometer may stay
+    at its greatest value once or twice, while the car brakes hardest, and one coarser than its noise for as long.
     """
     saturated = np.zeros(len(values), np.bool_)
     if len(values) < 2 * MIN_STUCK_ROWS:
         return saturated
     for k, column in enumerate(values.T):
-        for limit in (column.max(), column.min()):
+        for limit, sign in ((column.max(), 1.0), (column.min(), -1.0)):
             at_end = column == limit
-            if MIN_CONSECUTIVE_SATURATED_IMU_ROWS <= at_end.sum() < 0.5 * len(column):
-                stretches = begin_and_end_of_true_stretches(at_end, MIN_CONSECUTIVE_SATURATED_IMU_ROWS)
-                for begin, end in stretches if k > 2 or len(stretches) >= MIN_SATURATED_ACCELEROMETER_STRETCHES else []:
-                    saturated[begin:end] = True
+            n = int(at_end.sum())
+            if not MIN_CONSECUTIVE_SATURATED_IMU_ROWS <= n < 0.5 * len(column):
+                continue
+            next_value = sign * (sign * column[~at_end]).max()
+            if n < MIN_ROWS_AT_END_OF_RANGE_TO_NEXT_VALUE * int((column == next_value).sum()):
+                continue
+            stretches = begin_and_end_of_true_stretches(at_end, MIN_CONSECUTIVE_SATURATED_IMU_ROWS)
+            if k < 3 and (
+                len(stretches) < MIN_SATURATED_ACCELEROMETER_STRETCHES
+                or np.diff(sort_distinct_values(column)).min() > median_of_values(np.abs(np.diff(column)))
+            ):
+                continue
+            for begin, end in stretches:
+                saturated[begin:end] = True
     return saturated

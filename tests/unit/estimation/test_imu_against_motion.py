@@ -112,3 +112,14 @@ def test_a_gyroscope_and_a_heading_that_both_count_clockwise_do_not_mirror_the_m
 def test_a_mirrored_map_does_not_reverse_the_gyroscope() -> None:
     judged = _judge(_with_fault(_drive(*ALL), Kind.POSITION, lambda v: v * [-1.0, 1.0]))
     assert [each.who.kind for each in judged.corrections] == [Kind.POSITION]
+
+
+@pytest.mark.parametrize("step", [0.1, 0.5])
+def test_a_coarse_imu_is_not_at_the_end_of_its_range(step: float) -> None:
+    """Rounded to few values it often repeats its greatest one, but the one beside it more often."""
+
+    def rounded(values: np.ndarray) -> np.ndarray:
+        return np.column_stack([step * np.rint(values[:, :3] / step), values[:, 3:]])
+
+    coarse = _with_fault(_drive(*LEAN), Kind.IMU, rounded)
+    assert not any("saturated" in each.fault for each in _judge(coarse).corrections)
