@@ -5,6 +5,7 @@ cantools reads the files (an extra, `cwcli-drive[can]`); the bits are taken out 
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Sequence
 from typing import Any
@@ -47,6 +48,9 @@ UNIT_NAMES_BY_DBC_SPELLING = {
 
 BYTES_OF_DBC_WORDS = b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-+"
 """The bytes of words and numbers in DBC files."""
+MAX_DBC_TEXT_BYTES, MAX_DBC_MESSAGE_BYTES, MAX_DBC_BIT = 100_000, 2_048, 16_384
+"""The greatest length of a text and of a message in bytes, and the greatest place and length of a signal in bits: the
+parser takes 200 bytes a character, and as long as there are bits. Chosen by hand: a message of SAE J1939 has 1,785."""
 MAX_DBC_TOKENS = 2_000_000
 """The largest number of words, numbers and marks in a DBC file: cantools holds each as an object of about 100 bytes.
 Chosen by hand: a signal has about 25, so that 50,000 signals with their names of values are read."""
@@ -167,6 +171,7 @@ def _load_dbc_file(file: str) -> Any:
         from cantools.database.errors import Error
     except ImportError as error:
         raise UsageError("CAN frames need cantools", hint=install_hint("can")) from error
+    logging.getLogger("cantools").setLevel(logging.ERROR)  # it prints a line for each message that is there twice
     try:
         data = read_file(file)
         try:
@@ -191,9 +196,21 @@ def _require_bounded_dbc(data: bytes, text: str) -> None:
     """Check that a DBC file is not larger for its parser than any that describes a bus.
 
     Raises:
-        ValueError: It has too many words and marks, or multiplexers with too many values.
+        ValueError: It has too many words and marks, a text that is too long, signals beyond any message, or
+            multiplexers with too many values.
     """
     octets = np.frombuffer(data, np.uint8)
+    quotes = np.flatnonzero(octets == ord('"'))
+    n_text = int(np.diff(quotes, append=len(octets))[::2].max(initial=0))
+    if n_text > MAX_DBC_TEXT_BYTES:
+        raise ValueError(f"it has a text of {n_text:,} bytes; at most {MAX_DBC_TEXT_BYTES:,} are read")
+    for pattern, limit in (
+        (r"(?<!\d)(\d++)\s*+\|\s*+(\d++)\s*+@", MAX_DBC_BIT),
+        (r"\bBO_\s++\d++\s++\w++\s*+:\s*+(\d++)", MAX_DBC_MESSAGE_BYTES),
+    ):
+        for found in re.finditer(pattern, text):
+            if any(len(each) > len(str(limit)) or int(each) > limit for each in found.groups()):
+                raise ValueError(f"{found.group()[:80]!r} is beyond every message")
     is_in_text = np.logical_xor.accumulate(octets == ord('"')) if len(octets) else np.zeros(0, np.bool_)
     is_blank = (octets <= ord(" ")) | is_in_text
     is_word = np.isin(octets, np.frombuffer(BYTES_OF_DBC_WORDS, np.uint8)) | (octets >= 128)

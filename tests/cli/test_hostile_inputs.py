@@ -42,6 +42,8 @@ QUICK = {
     "yaml, links to a device and to themselves",
     "manifest, names that climb",
     "db3, a journal that names another file",
+    "dbc of a log, a signal of 10^9 bits",
+    "manifest, a device",
     "bag, 60,000 connections that only its index has",
 }
 """The default tests: those that found something, and one of each kind. Each takes a second."""

@@ -55,7 +55,9 @@ from tests.cli.hostile_inputs import (
     u64,
     written,
 )
-from tests.unit.importing.hostile_imports import GPX
+from tests.unit.importing import files
+from tests.unit.importing.hostile_imports import GPX, SIGNAL
+from tests.unit.importing.unforeseen_imports import MULTIPLEXED
 from tests.unit.logs_read.hostile_containers import chunk, connection, message, one_topic, record, u32
 
 MEGABYTE = 1_000_000
@@ -487,6 +489,11 @@ def packed_often(data: bytes, n: int) -> bytes:
     return data
 
 
+def described_by(content: Callable[[], str]) -> Make:
+    """A log beside a DBC file."""
+    return later(lambda: sample("info", "log.mcap", "--dbc", "c.dbc", c_dbc=content()))
+
+
 def ubx(kind: int, number: int, payload: bytes) -> bytes:
     body = bytes([kind, number]) + struct.pack("<H", len(payload)) + payload
     a = b = 0
@@ -546,11 +553,13 @@ def xml(name: str, content: str | bytes, *options: str) -> Make:
     return file_and(name, content, *options)
 
 
-def metadata_pipe(folder: Path) -> list[str]:
-    command = recorded(listing("drive_0.mcap"))(folder)
-    (folder / "drive" / "metadata.yaml").unlink()
-    (folder / "drive" / "metadata.yaml").symlink_to("/dev/zero")
-    return command
+def metadata_replaced(change: Callable[[Path], None]) -> Make:
+    def make(folder: Path) -> list[str]:
+        command = recorded(listing("drive_0.mcap"))(folder)
+        change(folder / "drive" / "metadata.yaml")
+        return command
+
+    return make
 
 
 UNLISTED: dict[str, Make] = {
@@ -655,7 +664,7 @@ UNLISTED: dict[str, Make] = {
     ),
     "db3, a journal that names another file": journal_of_another,
     # recordings
-    "yaml, its file is a device": metadata_pipe,
+    "yaml, its file is a device": metadata_replaced(table_device),
     "yaml, an object of Python": recorded(
         "a: !!python/object/apply:os.system ['touch owned']\n" + listing("drive_0.mcap")
     ),
@@ -996,6 +1005,22 @@ UNLISTED: dict[str, Make] = {
     ),
     "ubx, counts that lie": file_and("a.ubx", ubx(2, 0x15, b"\xff" * 16) * 9000 + ubx(0x10, 2, b"\xff" * 8) * 9000),
     "tum, a cloud of NaN": file_and("a.tum", "nan nan nan nan nan nan nan nan\n" * 60_000),
+    # DBC files of a log
+    "dbc of a log, a multiplexer of 2^32 values": described_by(lambda: MULTIPLEXED),
+    "dbc of a log, 20,000 signals": described_by(
+        lambda: files.DBC + "BO_ 9 M: 8 E\n" + "".join(SIGNAL.format(k=k) for k in range(20_000))
+    ),
+    "dbc of a log, a text of 10 MB": described_by(lambda: files.DBC + 'CM_ "' + "\\\\" * 5_000_000 + '";\n'),
+    "dbc of a log, a signal of 10^9 bits": described_by(lambda: files.DBC.replace("0|16@1+", "0|1000000000@1+")),
+    "dbc of a log, a signal at 10^12": described_by(
+        lambda: files.DBC.replace("0|16@1+", f"{'0' * 99}{10**12} | 16 @1+")
+    ),
+    "dbc of a log, a message of 10^9 bytes": described_by(lambda: files.DBC.replace("Motion: 8", "Motion: 1000000000")),
+    "dbc of a log, 15 MB of digits": described_by(lambda: files.DBC + "9" * 15_000_000),
+    "dbc of a log, 200,000 values": described_by(
+        lambda: files.DBC + "VAL_ 256 Motion " + "".join(f'{k} "n{k}" ' for k in range(200_000)) + ";\n"
+    ),
+    "yaml, its file is a pipe": metadata_replaced(table_pipe),
     # nets
     "net, a graph whose nodes are a circle": net(
         proto(1, proto(1, b"a") + proto(2, b"b") + proto(4, b"Relu"))
