@@ -59,6 +59,8 @@ share of the larger one. Chosen by hand: latencies and bends change short steps;
 MIN_LOG_LIKELIHOOD_GAIN_OF_PIECE = 30.0
 """Least gain in log-likelihood of a hypothesis on a piece. Chosen: twice that on a whole log, because begin and end are
 searched, too; not fitted."""
+NAMES_OF_FAULTS_LIKE_REVERSING = frozenset({"reversed", "backward", "west-south"})
+"""Names of hypotheses that a car which drives backwards explains as well: they hold for whole logs only."""
 MAX_CHANGED_PIECES = 4
 """Greatest number of pieces that are corrected one after the other. Chosen by hand."""
 MIN_RATIO_OF_JUMP_TO_USUAL = 12.0
@@ -84,6 +86,22 @@ class Piece:
 
     begins_within_s: tuple[float, float]
     ends_within_s: tuple[float, float]
+    pair: tuple[SourceQuantity, SourceQuantity]
+
+
+@dataclass(frozen=True)
+class ComparedSteps:
+    """The steps in which two sources clearly agree and contradict each other.
+
+    Attributes:
+        agrees, contradicts: Masks (n,) of the steps.
+        edges_s: Edges of the steps; n is one less, or two less where a change from step to step is judged.
+        pair: The two sources; an IMU twice where gravity judges it.
+    """
+
+    agrees: BoolArray
+    contradicts: BoolArray
+    edges_s: FloatArray
     pair: tuple[SourceQuantity, SourceQuantity]
 
 
@@ -143,38 +161,61 @@ def find_contradicting_pieces(prepared: Sequence[PreparedSeries], measurements: 
         return []
     found = [
         scored
-        for one, other in combinations(motions, 2)
-        if one.source != other.source
-        for steps in _iter_agreeing_and_contradicting_steps(one, other)
-        if (scored := _number_of_steps_and_piece(*steps, edges_s, (_quantity(one), _quantity(other)))) is not None
+        for steps in _compare_steps_of_pairs(motions, edges_s, measurements)
+        if (scored := _number_of_steps_and_piece(steps)) is not None
     ]
+    return [piece for _, piece in sorted(found, key=lambda each: -each[0])]
+
+
+def _compare_steps_of_pairs(
+    motions: Sequence[StepMotion], edges_s: FloatArray, measurements: Sequence[Measurements]
+) -> Iterator[ComparedSteps]:
+    """Yield the steps of each pair of sources for each quantity that both have, and of each IMU beside gravity."""
+    for one, other in combinations(motions, 2):
+        if one.source != other.source:
+            for agrees, contradicts in _iter_agreeing_and_contradicting_steps(one, other):
+                yield ComparedSteps(agrees, contradicts, edges_s, (_quantity(one), _quantity(other)))
     zero_ns = earliest_stamp_ns(measurements)
     for m in measurements:
         who = SourceQuantity(m.source, Kind.ACCEL)
         if m.kind is Kind.IMU and who in map(_quantity, motions):
             time_s = seconds_since_zero_time(m.stamp_ns, zero_ns)
-            scored = _number_of_steps_and_piece(
-                *_upright_and_lying_steps(time_s, m.values, edges_s), edges_s, (who, who)
-            )
-            found += [scored] if scored is not None else []
-    return [piece for _, piece in sorted(found, key=lambda each: -each[0])]
+            yield ComparedSteps(*_upright_and_lying_steps(time_s, m.values, edges_s), edges_s, (who, who))
+
+
+def _does_correction_contradict_outside(
+    own: Measurements,
+    hypothesis: Hypothesis,
+    within_s: tuple[float, float],
+    measurements: Sequence[Measurements],
+    prepare: Prepare,
+) -> bool:
+    """Return whether a source that is corrected everywhere contradicts another one outside of a time, s.
+
+    If not, it is wrong in the whole log.
+    """
+    everywhere = [hypothesis.correct_measurements(m) if m is own else m for m in measurements]
+    prepared, _ = prepare(everywhere)
+    series = [p.series for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE and not p.series.is_exact]
+    motions, edges_s = step_motions_and_edges_for_evidence(series)
+    for steps in _compare_steps_of_pairs(motions, edges_s, everywhere):
+        if own.source in {who.source for who in steps.pair}:
+            score = steps.contradicts.astype(np.int64) - steps.agrees
+            width = len(edges_s) - len(score)
+            is_outside = (edges_s[width:] <= within_s[0]) | (edges_s[: len(score)] >= within_s[1])
+            if int(score[is_outside].sum()) >= MIN_STEPS_OF_PIECE:
+                return True
+    return False
 
 
 def _quantity(motion: StepMotion) -> SourceQuantity:
     return SourceQuantity(motion.source, motion.kind)
 
 
-def _number_of_steps_and_piece(
-    agrees: BoolArray, contradicts: BoolArray, edges_s: FloatArray, pair: tuple[SourceQuantity, SourceQuantity]
-) -> tuple[int, Piece] | None:
-    """Return by how many the steps that contradict outnumber the others in a piece, and the piece; None without one.
-
-    Args:
-        agrees, contradicts: Masks (n,) of the steps.
-        edges_s: Edges of the steps; n is one less, or two less where a change from step to step is judged.
-        pair: The sources.
-    """
-    score = contradicts.astype(np.int64) - agrees
+def _number_of_steps_and_piece(steps: ComparedSteps) -> tuple[int, Piece] | None:
+    """Return by how many the steps that contradict outnumber the others in a piece, and the piece; None without one."""
+    agrees, edges_s = steps.agrees, steps.edges_s
+    score = steps.contradicts.astype(np.int64) - agrees
     begin, end = _begin_and_end_of_greatest_sum(score)
     n_more = int(score[begin:end].sum())
     if n_more < MIN_STEPS_OF_PIECE or n_more - int(score.sum()) < MIN_STEPS_OF_PIECE:
@@ -184,7 +225,7 @@ def _number_of_steps_and_piece(
     return n_more, Piece(
         (float(edges_s[before[-1]]), float(edges_s[begin + width])) if len(before) else (-np.inf, -np.inf),
         (float(edges_s[end - 1]), float(edges_s[after[0] + width])) if len(after) else (np.inf, np.inf),
-        pair,
+        steps.pair,
     )
 
 
@@ -205,14 +246,15 @@ def _upright_and_lying_steps(
 
 
 def _iter_agreeing_and_contradicting_steps(one: StepMotion, other: StepMotion) -> Iterator[tuple[BoolArray, BoolArray]]:
-    """Yield masks of the steps in which two sources clearly agree and contradict, for each quantity that both have."""
+    """Yield masks of the steps in which two sources clearly agree and contradict, for each quantity that both have.
+
+    A car that drives backwards turns no source wrong: signs of ways, and opposite directions, contradict nothing.
+    """
     kinds = {one.kind, other.kind}
     with np.errstate(invalid="ignore"):
-        if Kind.SPEED in kinds and kinds <= {*FIX_KINDS, Kind.SPEED}:
-            sigma_m = max(m.speed_sigma_mps * (m.series.time_s[-1] > 0.0) for m in (one, other))
-            yield _agreeing_and_contradicting_values(
-                one.distance_m, other.distance_m, max(MIN_FIX_DISTANCE_FOR_COURSE_M, MIN_MOTION_CHANGE_SIGMAS * sigma_m)
-            )
+        if kinds <= {*FIX_KINDS, Kind.SPEED} and kinds != {Kind.POSITION}:
+            ways_m = np.abs(one.distance_m), np.abs(other.distance_m)
+            yield _agreeing_and_contradicting_values(*ways_m, MIN_FIX_DISTANCE_FOR_COURSE_M)
         if Kind.SPEED not in kinds and Kind.ACCEL not in kinds:
             sigma_rad = np.fmax(one.turn_sigma_rad, other.turn_sigma_rad)
             least = np.fmax(MIN_HEADING_CHANGE_OF_TURN_RAD, MIN_MOTION_CHANGE_SIGMAS * sigma_rad)
@@ -225,7 +267,8 @@ def _iter_agreeing_and_contradicting_steps(one: StepMotion, other: StepMotion) -
             difference = np.abs(wrap_angle(one.angle_rad - other.angle_rad))
             is_fast = np.abs(fixes[0].speed_mps) > MIN_COURSE_SPEED_MPS
             limit = AGREEING_HEADING_DIFFERENCE_RANGE_RAD.high
-            yield is_fast & (difference < limit), is_fast & (difference > 1.5 * limit)
+            is_opposite = difference > math.pi - limit
+            yield is_fast & (difference < limit), is_fast & (difference > 1.5 * limit) & ~is_opposite
         if Kind.ACCEL in kinds and len(kinds) == 2:
             changes = one.speed_change_to_next_step_mps, other.speed_change_to_next_step_mps
             difference = changes[0] - changes[1]
@@ -287,10 +330,12 @@ def _correct_piece(
     n, when = int(rows.sum()), " ".join(each for each in (begin_text, end_text) if each)
     if attempt is not None and attempt.gain >= MIN_LOG_LIKELIHOOD_GAIN_OF_PIECE:
         hypothesis, correction = attempt.hypothesis, attempt.correction
-        everywhere = [hypothesis.correct_measurements(m) if m is own else m for m in measurements]
-        left = find_contradicting_pieces(prepare(everywhere)[0], everywhere)
-        if not any(each.source == own.source for one in left for each in one.pair):
-            return None  # it is wrong in the whole log
+        if (
+            correction.who != SourceQuantity(own.source, own.kind)
+            or _may_be_reversing(own.kind, hypothesis)
+            or not _does_correction_contradict_outside(own, hypothesis, (begin_s, end_s), measurements, prepare)
+        ):
+            return None
         # Where the forward axis is not clear, a turned accelerometer cannot be used.
         if not attempt.unused or np.array_equal(np.array(hypothesis.matrix)[:3, :3], np.eye(3)):
             correction = replace(
@@ -313,6 +358,11 @@ def _correct_piece(
     correction = Correction(who, "piece", f"{fault}, {when}", f"{n} rows set aside", evidence, n_set_aside=n)
     aside = replace(own, values=np.where(rows[:, None], np.nan, own.values))
     return [aside if m is own else m for m in measurements], correction
+
+
+def _may_be_reversing(kind: Kind, hypothesis: Hypothesis) -> bool:
+    """Return whether a car that drives backwards explains what a hypothesis explains."""
+    return kind is not Kind.IMU and not NAMES_OF_FAULTS_LIKE_REVERSING.isdisjoint(hypothesis.name.split("+"))
 
 
 def _correct_rows(m: Measurements, rows: BoolArray, hypothesis: Hypothesis) -> Measurements:

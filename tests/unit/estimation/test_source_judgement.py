@@ -45,6 +45,7 @@ def _drive(*kinds: Kind) -> list[Measurements]:
     sigma: dict[Kind, Any] = {
         Kind.POSITION: 0.3,
         Kind.SPEED: 0.1,
+        Kind.VELOCITY: 0.1,
         Kind.HEADING: 0.02,
         Kind.IMU: np.array([0.1] * 3 + [0.005] * 3),
     }

@@ -39,7 +39,7 @@ def _largest_differences(judged: JudgedSources, right: JudgedSources) -> dict[Ki
     return found
 
 
-KMH, BACKWARD = "ego_speed (/speed) is in km/h, not m/s", "ego_heading (/heading) points backward"
+KMH, FROM_NORTH = "ego_speed (/speed) is in km/h, not m/s", "ego_heading (/heading) counts from north, not from east"
 DEGREES = "imu (/imu) measures turn rates in degrees/s, not rad/s"
 UPSIDE_DOWN = "imu (/imu) is mounted with x forward, -y left and -z up, not x, y and z"
 X_DOWN = "imu (/imu) is mounted with z forward, y left and -x up, not x, y and z"
@@ -51,7 +51,8 @@ X_DOWN = "imu (/imu) is mounted with z forward, y left and -x up, not x, y and z
         (Kind.SPEED, lambda v: 3.6 * v, 45.0, np.inf, f"{KMH}, from 45.0 s: converted there"),
         (Kind.SPEED, lambda v: 3.6 * v, 0.0, 70.0, f"{KMH}, until 70.0 s: converted there"),
         (Kind.SPEED, lambda v: 3.6 * v, 30.0, 90.0, f"{KMH}, from 30.0 s until 90.0 s: converted there"),
-        (Kind.HEADING, lambda v: v + np.pi, 60.0, np.inf, f"{BACKWARD}, from 60.0 s: turned there"),
+        (Kind.SPEED, lambda v: 3.6 * v, 50.0, 70.0, f"{KMH}, from 50.0 s until 70.0 s: converted there"),
+        (Kind.HEADING, lambda v: v - 0.5 * np.pi, 60.0, np.inf, f"{FROM_NORTH}, from 60.0 s: turned there"),
         (Kind.IMU, _gyro(180.0 / np.pi), 60.0, np.inf, f"{DEGREES}, from 60.0 s: converted there"),
         (Kind.IMU, lambda v: v * [1.0, -1.0, -1.0, 1.0, -1.0, -1.0], 60.0, np.inf,
          f"{UPSIDE_DOWN}, from 60.0 s: turned there"),
@@ -59,7 +60,7 @@ X_DOWN = "imu (/imu) is mounted with z forward, y left and -x up, not x, y and z
         (Kind.IMU, lambda v: v[:, [2, 1, 0, 5, 4, 3]] * [-1.0, 1.0, 1.0, -1.0, 1.0, 1.0], 60.0, np.inf,
          f"{X_DOWN}, from 60.0 s: turned there"),
     ],
-    ids=["km/h from", "km/h until", "km/h between", "backward", "deg/s", "upside down", "x down"],
+    ids=["km/h from", "km/h until", "km/h between", "km/h in 20 s", "from north", "deg/s", "upside down", "x down"],
 )  # fmt: skip
 def test_what_changes_in_mid_log_is_corrected_there(
     kind: Kind, change: Change, begin_s: float, end_s: float, sentence: str
@@ -111,3 +112,43 @@ def test_what_no_hypothesis_explains_is_set_aside_where_two_others_outvote_it() 
 def test_a_trusted_source_is_left_as_it_is() -> None:
     wrong = _with_fault_between(_drive(*ALL), Kind.SPEED, lambda v: 3.6 * v, 45.0, np.inf)
     assert not any(c.who.kind is Kind.SPEED for c in _judge(wrong, trusted=["/speed"]).corrections)
+
+
+def test_a_velocity_whose_unit_changes_is_corrected_by_the_fixes_alone() -> None:
+    wrong = _with_fault_between(_drive(Kind.POSITION, Kind.VELOCITY), Kind.VELOCITY, lambda v: 3.6 * v, 60.0, np.inf)
+    (told,) = _told(_judge(wrong))
+    assert told == "ego_velocity (/velocity) is in km/h, not m/s, from 60.0 s: converted there"
+
+
+def _drive_that_begins_backward(is_speed_signed: bool) -> list[Measurements]:
+    """The usual drive, whose first 30 s are driven in reverse: speed and heading are those of such a car."""
+    is_reverse = (TIME_S < 30.0)[:, None]
+    found = []
+    for m in _drive(*ALL):
+        values = m.values
+        if m.kind is Kind.SPEED and is_speed_signed:
+            values = np.where(is_reverse, -values, values)
+        elif m.kind is Kind.HEADING:
+            values = np.where(is_reverse, values + np.pi, values)
+        found.append(replace(m, values=values))
+    return found
+
+
+@pytest.mark.parametrize("is_speed_signed", [True, False])
+@pytest.mark.parametrize(
+    "kinds", [(Kind.POSITION, Kind.SPEED), (Kind.POSITION, Kind.HEADING), (Kind.POSITION, Kind.SPEED, Kind.HEADING)]
+)
+def test_a_drive_in_reverse_turns_no_sensor_wrong(kinds: tuple[Kind, ...], is_speed_signed: bool) -> None:
+    judged = _judge([m for m in _drive_that_begins_backward(is_speed_signed) if m.kind in kinds])
+    assert judged.corrections == ()
+
+
+def test_each_quantity_of_a_topic_is_judged_by_itself() -> None:
+    """One topic gives speed and heading, and both change their unit or convention at once."""
+    wrong = _with_fault_between(_drive(*ALL), Kind.SPEED, lambda v: 3.6 * v, 60.0, np.inf)
+    wrong = _with_fault_between(wrong, Kind.HEADING, lambda v: v - 0.5 * np.pi, 60.0, np.inf)
+    judged = _judge([replace(m, source="/car") if m.kind in (Kind.SPEED, Kind.HEADING) else m for m in wrong])
+    assert sorted(_told(judged)) == [
+        "ego_heading (/car) counts from north, not from east, from 60.0 s: turned there",
+        "ego_speed (/car) is in km/h, not m/s, from 60.0 s: converted there",
+    ]
