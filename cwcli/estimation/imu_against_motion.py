@@ -25,10 +25,16 @@ from cwcli.estimation.source_hypotheses import (
     MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS,
     step_motions_and_edges_for_evidence,
 )
-from cwcli.estimation.step_motion import StepMotion, covered_step_mask, means_between_edges, trapezoidal_integral
+from cwcli.estimation.step_motion import (
+    MAX_BRIDGED_GAP_S,
+    StepMotion,
+    covered_step_mask,
+    means_between_edges,
+    trapezoidal_integral,
+)
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import AccelGyroRows, FloatArray
-from cwcli.signals.units import NS_PER_S, STANDARD_GRAVITY_MPS2
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 MIN_CORRECTED_MOUNTING_YAW_RAD = math.radians(6.0)
 """Least angle that is corrected: less adds a tenth of the lateral acceleration to the forward one. Chosen by hand; not
@@ -47,9 +53,18 @@ MIN_RATIO_SIGMAS = 4.0
 LAG_STEP_S, MAX_LAG_S, MIN_LAG_S = 0.1, 2.0, 0.4
 """Step of the lags between gyroscope and accelerometer that are tried, the longest one, and the least one that is a
 fault, s. Chosen by hand: an anti-aliasing filter of 1 Hz lags by 0.2 s, and a body rolls within 0.2 s."""
-LAG_OF_IMU_STEP_S, MAX_LAG_OF_IMU_S, MIN_LAG_OF_IMU_S = 0.25, 4.0, 0.75
-"""Step of the lags of an IMU behind the fixes that are tried, the longest one, and the least one that is corrected, s.
-Chosen by hand: the search for latencies finds fixes that seem early by half a second."""
+MAX_INTERPOLATED_STEPS = 1.5
+"""Longest time between two known speeds, in steps, that is interpolated: no step between them is missing."""
+MAX_LEVER_ARM_M, LEVER_ARM_STEP_M = 8.0, 0.5
+"""Longest way of an IMU ahead of the rear axle, or behind it, that is tried, and the step, m. Chosen by hand: as in the
+front of a bus."""
+MAX_EDGES_PER_ROW = 4
+"""Most edges of time steps for each row of an IMU: more come of long pauses alone. Chosen by hand."""
+LAG_OF_IMU_STEP_S, MAX_LAG_OF_IMU_S = 0.25, 4.0
+"""Step of the lags of an IMU behind the fixes that are tried, and the longest one to either side, s."""
+HARMLESS_LAG_OF_IMU_RANGE_S = (-1.25, 0.75)
+"""Range of the lags of an IMU behind the fixes that the search for latencies explains, s. Chosen by hand: fixes may be
+late by a second, and it finds fixes that seem early by half a second."""
 SMALLEST_RATIO, SMALLEST_POWER = 1e-3, 1e-12
 """Smallest ratio whose logarithm is taken, and smallest product of two powers by which a correlation is divided."""
 ACCEL_RATIO_RANGE = (0.85, 1.25)
@@ -86,15 +101,13 @@ def correct_imus_and_find_contradictions_of_motion(
     measurements: Sequence[Measurements],
     prepared: Sequence[PreparedSeries],
     trusted: Collection[str] = (),
-    trusted_clocks: Collection[str] = (),
 ) -> tuple[list[Measurements], list[Correction], list[Contradiction]]:
-    """Return the measurements with level IMUs in place, in scale and on time, what was corrected, and wrong maps.
+    """Return the measurements with level IMUs in place and in scale, what was corrected, and wrong maps and clocks.
 
     Args:
         measurements: Measurements.
         prepared: Their series, after what contradicts the others was left out.
         trusted: Sources that are not corrected.
-        trusted_clocks: Sources whose stamps stay as they are, because the user said how late they are.
     """
     usable = [p for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE]
     fixes = next((p.series for p in usable if p.series.kind is Kind.POSITION), None)
@@ -119,15 +132,13 @@ def correct_imus_and_find_contradictions_of_motion(
             continue
         lag_s = lag_of_gyroscope_behind_accelerometer_s(time_s, m.values[rows], accelerations)
         if math.isfinite(lag_s):
-            corrections.append(_correction_of_lag(m, lag_s))
             corrected[-1] = _advance_lagging_columns(m, rows, lag_s)
+            n_lost = len(rows) - int(np.isfinite(corrected[-1].values).all(axis=1).sum())
+            corrections.append(_correction_of_lag(m, lag_s, n_lost))
             continue
         lag_s = lag_of_imu_behind_fixes_s(time_s, m.values[rows], accelerations)
-        if math.isfinite(lag_s) and m.source not in trusted_clocks:
-            who = SourceQuantity(m.source, Kind.IMU)
-            fault = f"lags behind {fixes.source} by about {lag_s:.1f} s, and fixes are never early"
-            corrections.append(Correction(who, "late", fault, "moved by it", "by turns and changes of speed", len(m)))
-            corrected[-1] = replace(m, stamp_ns=m.stamp_ns - round(lag_s * NS_PER_S))
+        if math.isfinite(lag_s):
+            contradictions.append(_contradiction_of_clocks(fixes.source, m.source, lag_s))
             continue
         gravity_g = float(np.linalg.norm(m.values[rows, :3].mean(axis=0))) / STANDARD_GRAVITY_MPS2
         found = find_imu_yaw_hypothesis_and_evidence(accelerations)
@@ -154,11 +165,20 @@ def _is_beyond_range(low: float, high: float) -> bool:
     return high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]
 
 
+def _contradiction_of_clocks(fixes: str, imu: str, lag_s: float) -> Contradiction:
+    """Return the contradiction of fixes and an IMU whose clocks differ; which one is wrong these two do not tell."""
+    what = (
+        f"the same turns and changes of speed come about {abs(lag_s):.1f} s {'earlier' if lag_s > 0.0 else 'later'} in "
+        "its fixes: check the clocks of both, as either may be wrong, and say how late it is by --latency"
+    )
+    return Contradiction(SourceQuantity(fixes, Kind.POSITION), SourceQuantity(imu, Kind.IMU), what)
+
+
 def _contradiction_of_map(fixes: str, imu: str, low: float, high: float) -> Contradiction:
     """Return the contradiction of fixes, given the bounds of the ratio of an IMU's accelerations to theirs."""
     what = (
-        f"its fixes, and what agrees with them, move {1.0 / high:.2f} to {1.0 / low:.2f} times as far as the "
-        f"accelerations of {imu} show, whose gravity is right: check its unit and its map"
+        f"its fixes, and what agrees with them, move {1.0 / high:.2f} to {1.0 / max(low, SMALLEST_RATIO):.2f} times "
+        f"as far as the accelerations of {imu} show, whose gravity is right: check its unit and its map"
     )
     return Contradiction(SourceQuantity(fixes, Kind.POSITION), CAR_MOTION_TEXT, what, explains_misfits=True)
 
@@ -169,7 +189,7 @@ def _accel_scale_hypothesis(gravity_g: float) -> Hypothesis:
         if RIGHT_GRAVITY_RANGE[0] < unit.matrix[0][0] * gravity_g < RIGHT_GRAVITY_RANGE[1]:
             return unit
     matrix = np.diag([1.0 / gravity_g] * 3 + [1.0] * 3)
-    fault = f"has an accelerometer that reads {gravity_g:.2f} times too much, gravity too"
+    fault = f"has an accelerometer that reads {gravity_g:.2f} times the acceleration, as gravity shows"
     return Hypothesis("scaled", "accel unit", fault, "divided by it", tuple(map(tuple, matrix.tolist())), (0.0,) * 6)
 
 
@@ -177,44 +197,65 @@ def lag_of_gyroscope_behind_accelerometer_s(time_s: FloatArray, values: AccelGyr
     """Return by how much the turn rate of an IMU lags behind its lateral acceleration, s; NaN where it does not.
 
     Both come from one clock, and speed times turn rate is the lateral acceleration. So the lag of the best correlation
-    is that of a filter in one of them; negative where it is in the accelerometer.
+    is that of a filter in one of them; negative where it is in the accelerometer. An IMU ahead of the rear axle by x
+    has x times the change of the turn rate as well, which seems a lag of at most x / speed: a lag has to be clearer.
 
     Args:
         time_s, values: Rows of the IMU; accelerometer and gyroscope, (n, 6).
         a: Its accelerations in steps.
     """
-    edges_s = np.arange(time_s[0], time_s[-1], LAG_STEP_S)
     n_lags = round(MAX_LAG_S / LAG_STEP_S)
-    if len(edges_s) <= 4 * n_lags:
+    if not 4 * n_lags < (time_s[-1] - time_s[0]) / LAG_STEP_S <= MAX_EDGES_PER_ROW * len(time_s):
         return math.nan
+    edges_s = np.arange(time_s[0], time_s[-1], LAG_STEP_S)
+    middle_s = 0.5 * (edges_s[1:] + edges_s[:-1])
     left, rate = (means_between_edges(time_s, values[:, k], edges_s) for k in (1, 5))
-    product = np.interp(0.5 * (edges_s[1:] + edges_s[:-1]), a.time_s, a.speed_mps) * rate
-    left, product = left - left.mean(), product - product.mean()
-    inner = left[n_lags : len(left) - n_lags]
-    windows = np.lib.stride_tricks.sliding_window_view(product, len(inner))
-    power = np.einsum("ij,ij->i", windows, windows) * float((inner**2).sum())
-    correlation = windows @ inner / np.sqrt(np.maximum(power, SMALLEST_POWER))
+    speed = np.interp(middle_s, a.time_s, a.speed_mps)
+    after = np.searchsorted(a.time_s, middle_s).clip(1, len(a.time_s) - 1)
+    is_near = (middle_s > a.time_s[0]) & (middle_s < a.time_s[-1])
+    is_near &= a.time_s[after] - a.time_s[after - 1] < MAX_INTERPOLATED_STEPS * (a.edges_s[1] - a.edges_s[0])
+    known = covered_step_mask(time_s, edges_s) & is_near
+    product = speed * rate
+    inner = slice(n_lags, len(left) - n_lags)
+    correlation = np.zeros(2 * n_lags + 1)
+    for i in range(len(correlation)):
+        other = slice(i, i + inner.stop - inner.start)
+        rows = known[inner] & known[other]
+        correlation[i] = _correlation(left[inner][rows], product[other][rows])
     best = int(correlation.argmax())
-    if not MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS < correlation[best] < 1.0:
-        return math.nan
-    n_independent = len(inner) * LAG_STEP_S / MAX_LAG_S
-    gain = 0.5 * n_independent * math.log((1.0 - correlation[n_lags] ** 2) / (1.0 - correlation[best] ** 2))
     lag_s = LAG_STEP_S * (best - n_lags)
-    return lag_s if abs(lag_s) >= MIN_LAG_S and gain > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS else math.nan
+    if not MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS < correlation[best] < 1.0 or abs(lag_s) < MIN_LAG_S:
+        return math.nan
+    # Over four steps, as noise of the change would hide a lever arm.
+    change = np.convolve(rate, [1.0, 0.0, 0.0, 0.0, -1.0], "same") / (4.0 * LAG_STEP_S)
+    rows = known[inner]
+    arms_m = np.arange(-MAX_LEVER_ARM_M, MAX_LEVER_ARM_M + LEVER_ARM_STEP_M, LEVER_ARM_STEP_M).tolist()
+    by_arm = max(_correlation(left[inner][rows], (product + x * change)[inner][rows]) for x in arms_m)
+    n_independent = int(rows.sum()) * LAG_STEP_S / MAX_LAG_S
+    gain = 0.5 * n_independent * math.log(max(1.0 - by_arm**2, SMALLEST_POWER) / (1.0 - correlation[best] ** 2))
+    return lag_s if gain > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS else math.nan
+
+
+def _correlation(a: FloatArray, b: FloatArray) -> float:
+    """Return the correlation of two columns; 0 for fewer than MIN_TIME_STEPS_WITH_IMU_AND_FIXES or constant ones."""
+    if len(a) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
+        return 0.0
+    a, b = a - a.mean(), b - b.mean()
+    return float(a @ b) / math.sqrt(max(float(a @ a) * float(b @ b), SMALLEST_POWER))
 
 
 def lag_of_imu_behind_fixes_s(time_s: FloatArray, values: AccelGyroRows, a: StepAccelerations) -> float:
-    """Return by how much an IMU lags behind the fixes, s; NaN where it does not clearly by MIN_LAG_OF_IMU_S or more.
+    """Return by how much an IMU lags behind the fixes, s; NaN unless that is clear and no usual latency.
 
-    Changes of speed and turns from step to step are compared with those of the IMU some time later. Fixes are never
-    early, so that it is the IMU that is late; a smaller lag is left to the search for latencies.
+    Changes of speed and turns from step to step are compared with those of the IMU some time later. The best lag has to
+    be clearer than each of HARMLESS_LAG_OF_IMU_RANGE_S, so that a period of a slalom is not taken for one.
 
     Args:
         time_s, values: Rows of the IMU; accelerometer and gyroscope, (n, 6).
         a: Its accelerations in steps.
     """
-    lags_s = np.arange(0.0, MAX_LAG_OF_IMU_S + LAG_OF_IMU_STEP_S, LAG_OF_IMU_STEP_S)
-    within = (a.edges_s[:-2] > time_s[0]) & (a.edges_s[2:] + MAX_LAG_OF_IMU_S < time_s[-1])
+    lags_s = np.arange(-MAX_LAG_OF_IMU_S, MAX_LAG_OF_IMU_S + 0.5 * LAG_OF_IMU_STEP_S, LAG_OF_IMU_STEP_S)
+    within = (a.edges_s[:-2] - MAX_LAG_OF_IMU_S > time_s[0]) & (a.edges_s[2:] + MAX_LAG_OF_IMU_S < time_s[-1])
     likelihood, best_correlation = np.zeros(len(lags_s)), np.zeros(len(lags_s))
     for k, wanted in ((0, a.fixes.speed_change_to_next_step_mps), (5, a.fixes.turn_rad)):
         rows = within & np.isfinite(wanted)
@@ -232,27 +273,34 @@ def lag_of_imu_behind_fixes_s(time_s: FloatArray, values: AccelGyroRows, a: Step
                 likelihood[i] -= 0.5 * n * math.log(1.0 - correlation**2)
                 best_correlation[i] = max(best_correlation[i], correlation)
     best = int(likelihood.argmax())
+    harmless = (lags_s >= HARMLESS_LAG_OF_IMU_RANGE_S[0]) & (lags_s <= HARMLESS_LAG_OF_IMU_RANGE_S[1])
     is_clear = (
-        lags_s[best] >= MIN_LAG_OF_IMU_S
-        and best_correlation[best] > MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS
-        and likelihood[best] - likelihood[0] > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS
+        best_correlation[best] > MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS
+        and likelihood[best] - likelihood[harmless].max() > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS
     )
     return float(lags_s[best]) if is_clear else math.nan
 
 
-def _correction_of_lag(m: Measurements, lag_s: float) -> Correction:
+def _correction_of_lag(m: Measurements, lag_s: float, n_lost: int) -> Correction:
     names = ("a gyroscope", "accelerometer") if lag_s > 0.0 else ("an accelerometer", "gyroscope")
     fault = f"has {names[0]} that lags behind its {names[1]} by {abs(lag_s):.1f} s, as by a filter"
+    action = f"moved by it ({n_lost} rows without later ones are left out)"
     who = SourceQuantity(m.source, Kind.IMU)
-    return Correction(who, "lag", fault, "moved by it", "by speed times turn rate", n_rows=len(m))
+    return Correction(who, "lag", fault, action, "by speed times turn rate", len(m) - n_lost)
 
 
 def _advance_lagging_columns(m: Measurements, rows: npt.NDArray[np.intp], lag_s: float) -> Measurements:
-    """Return the measurements with the gyroscope, or with a negative lag the accelerometer, taken from later rows."""
+    """Return the measurements with the gyroscope, or with a negative lag the accelerometer, taken from later rows.
+
+    Rows without a later one, or with a pause there, get NaN.
+    """
     values = m.values.copy()
     time_s = seconds_since_zero_time(m.stamp_ns[rows], int(m.stamp_ns[rows[0]]))
+    later_s = time_s + abs(lag_s)
+    after = np.searchsorted(time_s, later_s).clip(1, len(time_s) - 1)
+    is_lost = (later_s > time_s[-1]) | (time_s[after] - time_s[after - 1] > MAX_BRIDGED_GAP_S)
     for k in (3, 4, 5) if lag_s > 0.0 else (0, 1, 2):
-        values[rows, k] = np.interp(time_s + abs(lag_s), time_s, m.values[rows, k])
+        values[rows, k] = np.where(is_lost, np.nan, np.interp(later_s, time_s, m.values[rows, k]))
     return replace(m, values=values)
 
 
@@ -280,6 +328,7 @@ def compute_step_accelerations(
     speed = next((m for m in motions if m.kind is Kind.SPEED), motions[0])
     turning = next((m for m in motions if m.kind is Kind.YAW_RATE), motions[0])
     reference = _forward_and_left_accelerations_mps2(speed.speed_mps, turning.turn_rad, float(edges_s[1] - edges_s[0]))
+    measured[~np.isfinite(integral[1:-1]).all(axis=1)] = np.nan
     rows = np.isfinite(measured).all(axis=1) & np.isfinite(reference).all(axis=1)
     n = int(rows.sum())
     if n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:

@@ -150,9 +150,7 @@ def judge_sources(
         if in_part:
             corrections += in_part
             prepare_and_vote_again()
-    current, turned_imus, wrong_maps = correct_imus_and_find_contradictions_of_motion(
-        current, voted.prepared, trusted, trusted_clocks
-    )
+    current, turned_imus, wrong_maps = correct_imus_and_find_contradictions_of_motion(current, voted.prepared, trusted)
     current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
     if turned_imus or scaled:
         corrections += [*turned_imus, *scaled]
