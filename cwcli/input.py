@@ -362,6 +362,13 @@ def is_folder(name: str | Path) -> bool:
     return False
 
 
+def exists(name: str | Path) -> bool:
+    """Whether there is anything of a user's name, also a device, a pipe or a socket, as `is_file`."""
+    with suppress(OSError, ValueError):
+        return Path(name).exists()
+    return False
+
+
 def read_file(path: str | Path, max_bytes: int = -1, *, limit: int = MAX_SETTINGS_BYTES) -> bytes:
     """Read a file, or its first bytes, and remember it as an input.
 

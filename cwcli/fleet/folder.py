@@ -80,7 +80,9 @@ class LogOutputs:
 
     def read_entry(self) -> Document | None:
         """Read the log's entry; None if there is none or it can't be read."""
-        return read_json_object(self.entry_path)
+        with suppress(InputError):  # too large
+            return read_json_object(self.entry_path)
+        return None
 
     @property
     def entry_path(self) -> Path:
@@ -303,10 +305,16 @@ def _is_message_count(count: Document) -> bool:
 
 
 def read_json_object(path: Path) -> Document | None:
-    """Read a JSON file that holds an object; None if it is missing, no regular file, or holds something else."""
+    """Read a JSON file that holds an object; None if it is missing, no regular file, or holds something else.
+
+    Raises:
+        InputError: It has more than `MAX_JSON_BYTES`.
+    """
     try:
-        if not path.is_file() or path.stat().st_size > MAX_JSON_BYTES:
+        if not path.is_file():
             return None
+        if path.stat().st_size > MAX_JSON_BYTES:
+            raise InputError(f"it has more than {MAX_JSON_BYTES / 1e9:g} GB, the most that is read", where=str(path))
         document = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
         return None

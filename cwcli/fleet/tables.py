@@ -35,6 +35,7 @@ from cwcli.fleet.table_schemas import (
     has_nested_column,
     unify_schemas,
 )
+from cwcli.input import is_file
 from cwcli.metrics.table import ArrowFileInterface
 from cwcli.output import AtomicGroup, make_folder, open_output
 
@@ -382,7 +383,7 @@ def are_tables_whole(out: Path, names: object) -> bool:
 
 
 def _is_parquet_file_whole(path: Path) -> bool:
-    if not path.is_file():
+    if not is_file(path):
         return False
     try:
         with path.open("rb") as file:

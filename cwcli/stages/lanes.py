@@ -76,8 +76,6 @@ COLOUR_DECODING_INTERVAL_NS = 1_000_000_000
 """Interval at which a frame is also decoded in colour [ns], which costs twice as much as grey; chosen by hand."""
 MAX_FRAME_GAP_OF_SEARCH_NS = 500_000_000
 """Longest gap between two frames [ns] over which a search goes on; chosen by hand."""
-MIN_DRIVE_TO_JUDGE_LENS_NS = 20_000_000_000
-"""Length of a drive [ns] from which it is checked whether the lens fits its lanes; chosen by hand."""
 NUMBERS_PER_FRAME_ENTRY = 8
 """Length of a frame's entry in `_numbers`: index, log time, stamp, number, two image sizes [px]."""
 
@@ -405,8 +403,7 @@ class _LaneSearchRun:
         motion, camera, sizes = self._motion, self._camera, frames.search_size
         if camera is None or not (len(motion.speed_mps.values) and len(motion.yaw_rate_radps.values)):
             return ()
-        is_long = int(frames.stamp_ns[-1] - frames.stamp_ns[0]) > MIN_DRIVE_TO_JUDGE_LENS_NS
-        if not is_long or (sizes != sizes[0]).any():
+        if (sizes != sizes[0]).any():
             return ()
         from cwcli.vision.lens_check import field_of_view_that_contradicts_camera_rad
 

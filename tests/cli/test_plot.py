@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -48,6 +49,13 @@ def test_view_names_a_file_that_is_not_there(tmp_path: Path, capsys: pytest.Capt
     assert run_command_line(["view", str(tmp_path / "nope.mcap")]) == EXIT_BAD_INPUT
     said = capsys.readouterr().err
     assert "there is no such file" in said and "Rerun" not in said
+
+
+def test_view_says_of_a_pipe_or_a_device_that_it_is_no_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for name in (str(tmp_path / "pipe"), "/dev/null"):
+        assert run_command_line(["view", name]) == EXIT_BAD_INPUT
+        assert "it is no file that can be read" in capsys.readouterr().err
 
 
 def test_a_png_is_one(annotated: Path, tmp_path: Path) -> None:

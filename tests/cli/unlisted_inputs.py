@@ -430,6 +430,10 @@ def manifest_device(out: Path, manifest: dict[str, Any]) -> None:
     (out / "manifest.json").symlink_to("/dev/zero")
 
 
+def long_table_name(out: Path, manifest: dict[str, Any]) -> None:
+    manifest["tables"] = ["n" * 300]
+
+
 def tables_replaced(write: Callable[[Path], None]) -> Callable[[Path, dict[str, Any]], None]:
     """Every table of the run becomes another one."""
 
@@ -871,6 +875,9 @@ UNLISTED: dict[str, Make] = {
     "manifest, no numbers": run_folder(no_numbers, "report", "run", "-o", "out.html"),
     "manifest, a device": run_folder(manifest_device, "report", "run", "-o", "out.html"),
     "manifest, a device, compared": run_folder(manifest_device, "compare", "run", "run"),
+    "manifest, a table name of 300 letters": run_folder(
+        long_table_name, "run", "log0.mcap", "log1.mcap", "-d", "run", "--jobs", "1"
+    ),
     "run, tables whose rows are 2^62": run_folder(tables_replaced(pages_of_lies), "report", "run", "-o", "out.html"),
     "run, tables whose rows are 2^62, compared": run_folder(tables_replaced(pages_of_lies), "compare", "run", "run"),
     "run, tables that are devices": run_folder(tables_replaced(table_device), "report", "run", "-o", "out.html"),

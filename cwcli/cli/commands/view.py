@@ -32,7 +32,7 @@ def command(
     Needs rerun-sdk, the extra `view`.
     """
     from cwcli.export.recording import encode_recording, require_rerun, show_in_viewer
-    from cwcli.input import is_file, is_folder
+    from cwcli.input import exists, is_file, is_folder
     from cwcli.logs.read.reader import Log
     from cwcli.logs.read.remote import is_remote_url
     from cwcli.output import refuse_unwritable_targets, write_file
@@ -42,7 +42,8 @@ def command(
         check_file_suffix(output, [".rrd"], what="a recording")
     (path, *more) = log
     if not more and path != "-" and not is_remote_url(path) and not is_file(path) and not is_folder(path):
-        raise InputError("there is no such file", where=path)
+        what = "it is no file that can be read" if exists(path) else "there is no such file"
+        raise InputError(what, where=path)
     if more or not is_file(path):
         raise UsageError(f"{path} can't be shown: Rerun opens the file by itself", hint="give one file on this machine")
     require_rerun()

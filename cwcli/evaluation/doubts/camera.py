@@ -40,10 +40,10 @@ def find_assumed_camera(evidence: DoubtEvidence) -> Iterator[Finding]:
 
 ASSUMED_CAMERA_RULE = DoubtRule(
     summary="a camera whose lens or mounting is assumed, or whose lens the drive contradicts",
-    short_name="assumed camera",
     threshold=MIN_ASSUMPTIONS_FOR_DOUBT,
     unit="",
     source="chosen: each changes every distance",
-    advice="Give --camera-fov, --camera-height and --camera-pitch, or record calibration and transforms.",
+    advice="Record a calibration that fits the lens, and transforms; or give --camera-height and --camera-pitch, and "
+    "--camera-fov where there is no calibration.",
     find=find_assumed_camera,
 )

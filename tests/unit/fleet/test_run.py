@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from cwcli.cli.commands.run import gather_default_options
-from cwcli.errors import OutputError, UsageError
+from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.fleet import run as fleet_run
 from cwcli.fleet import worker
-from cwcli.fleet.folder import LogOutputs, new_log_entry, read_json_object, write_json_object
+from cwcli.fleet.folder import MAX_JSON_BYTES, LogOutputs, new_log_entry, read_json_object, write_json_object
 from cwcli.fleet.local import WorkerDied
 from cwcli.fleet.plan import FleetPlan, LogTask
 from cwcli.fleet.run import run_fleet
@@ -216,6 +216,13 @@ def test_a_log_whose_entry_was_tampered_with_is_done_again(
 def test_json_of_thousands_of_lists_is_no_document(tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text("[" * 100_000)
     assert read_json_object(tmp_path / "manifest.json") is None
+
+
+def test_manifest_that_is_too_large_is_not_said_to_be_missing(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").touch()
+    os.truncate(tmp_path / "manifest.json", MAX_JSON_BYTES + 1)  # a sparse file
+    with pytest.raises(InputError, match="more than 1 GB"):
+        read_json_object(tmp_path / "manifest.json")
 
 
 def test_a_folder_too_deep_to_make_is_an_output_error(plan: FleetPlan, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from cwcli.importing.mapping import parse_table_quantity_and_column_unit, read_m
 from cwcli.importing.readers import load_kind
 from cwcli.importing.run import ImportPlan, plan_import, write_import
 from cwcli.importing.tables import AmbiguousError, Answers, SourceTable
+from cwcli.input import InputFile
 from cwcli.logs.read.reader import Log
 from tests.unit.importing.drive import DRIVE, START_S, N, digits, epoch, iso, write_table
 from tests.unit.importing.files import can_dump
@@ -468,10 +469,16 @@ def test_longitudes_without_a_latitude_stay_what_they_are(tmp_path: Path) -> Non
 
 
 def test_log_and_mapping_file_are_written_together(tmp_path: Path) -> None:
-    """Where the disk was full behind the log, it was left alone, with exit code 6."""
-    made = plan(table(tmp_path, T))
+    """Neither is there where the log fails when the mapping file is already written, nor the other way round."""
+    path = table(tmp_path, T)
+    made, target, mapping = plan(path), tmp_path / "log.mcap", tmp_path / "log.import.toml"
+    opened = InputFile.open(path)
+    os.utime(path, (0, 0))
+    with pytest.raises(InputError, match="changed"):
+        write_import(made, str(target), mapping_file=str(mapping), inputs=[opened])
+    opened.close()
     with pytest.raises(OutputError):
-        write_import(made, str(tmp_path / "log.mcap"), mapping_file=str(tmp_path / "no folder" / "log.import.toml"))
-    assert not (tmp_path / "log.mcap").exists()
-    write_import(made, str(tmp_path / "log.mcap"), mapping_file=str(tmp_path / "log.import.toml"))
-    assert (tmp_path / "log.import.toml").read_text() == made.mapping_text()
+        write_import(made, str(target), mapping_file=str(tmp_path / "no folder" / mapping.name))
+    assert [*tmp_path.iterdir()] == [path]
+    write_import(made, str(target), mapping_file=str(mapping))
+    assert target.exists() and mapping.read_text() == made.mapping_text()
