@@ -11,7 +11,7 @@ from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.imu import GYRO_REVERSED_HYPOTHESIS
-from cwcli.estimation.imu_against_motion import is_gyroscope_reversed_against_own_accelerometer
+from cwcli.estimation.imu_against_motion import RIGHT_GRAVITY_RANGE, is_gyroscope_reversed_against_own_accelerometer
 from cwcli.estimation.imu_hypotheses import find_imu_unit_sign_or_axis_fault
 from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
@@ -30,6 +30,8 @@ from cwcli.estimation.source_vote import (
 )
 from cwcli.estimation.standstill_heading import has_heading_jumps
 from cwcli.lazy_dataclass import dataclass, replace
+from cwcli.signals.columns import AccelGyroRows
+from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 Prepare = Callable[[Sequence[Measurements]], tuple[list[PreparedSeries], list[str]]]
 """A function that cleans measurements; returns the series and notes."""
@@ -189,6 +191,16 @@ def _correct_measurements_by_finding(
     return CorrectionAttempt(corrected, *prepare(corrected), correction, finding.hypothesis, finding.gain)
 
 
+def _spoils_right_gravity(hypothesis: Hypothesis, values: AccelGyroRows) -> bool:
+    """Whether gravity is right before a correction alone: a lever arm, say, may seem another unit."""
+    before_g, after_g = (
+        float(np.linalg.norm(each[:, :3].mean(axis=0))) / STANDARD_GRAVITY_MPS2
+        for each in (values, hypothesis.correct_values(values))
+    )
+    low, high = RIGHT_GRAVITY_RANGE
+    return low < before_g < high and not low < after_g < high
+
+
 def attempt_imu_correction(
     imu: Measurements,
     measurements: Sequence[Measurements],
@@ -204,7 +216,7 @@ def attempt_imu_correction(
     rows = rows[np.argsort(imu.stamp_ns[rows], kind="stable")]
     time_s = seconds_since_zero_time(imu.stamp_ns[rows], zero_ns)
     found = find_imu_unit_sign_or_axis_fault(time_s, imu.values[rows], others)
-    if found is None:
+    if found is None or _spoils_right_gravity(found.hypothesis, imu.values[rows]):
         return None
     hypothesis = found.hypothesis
     tilt = find_tilt_and_evidence(hypothesis.correct_values(imu.values))

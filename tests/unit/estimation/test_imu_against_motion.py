@@ -141,6 +141,23 @@ def test_an_imu_ahead_of_the_rear_axle_lags_in_no_turn(lever_arm_m: float, fast_
     assert judged.corrections == ()
 
 
+def test_a_lever_arm_is_no_other_unit_of_an_accelerometer_whose_gravity_is_right() -> None:
+    """A bus that winds at 8 m/s: x w' of 6 m makes the left acceleration much greater than v w."""
+    rng, t = np.random.default_rng(1), 0.02 * np.arange(15_000)
+
+    def smooth_noise(scale: float, correlation_s: float) -> np.ndarray:
+        kernel = np.exp(-0.5 * (np.arange(-5.0 * correlation_s, 5.0 * correlation_s, 0.02) / correlation_s) ** 2)
+        return scale * np.convolve(rng.standard_normal(len(t)), kernel / np.sqrt((kernel**2).sum()), "same")
+
+    speed, rate = np.maximum(8.0 + smooth_noise(1.0, 5.0), 1.0), smooth_noise(0.25, 1.2)
+    fixes, imu = _drive_with_lever_arm_and_late_fixes(speed, rate, lever_arm_m=6.0)
+    others = [
+        Measurements("/speed", Kind.SPEED, imu.stamp_ns, speed[:, None]),
+        Measurements("/heading", Kind.HEADING, imu.stamp_ns, (0.3 + 0.02 * np.cumsum(rate))[:, None]),
+    ]
+    assert _judge([fixes, *others, imu]).corrections == ()
+
+
 @pytest.mark.parametrize(("late_s", "period_s", "rate_radps"), [(0.8, 4.5, 0.5), (1.0, 4.5, 0.5), (1.0, 5.0, 0.4)])
 def test_fixes_that_are_late_in_a_slalom_are_no_imu_that_is_late_by_the_rest_of_its_period(
     late_s: float, period_s: float, rate_radps: float
