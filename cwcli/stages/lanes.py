@@ -185,7 +185,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     run = _LaneSearchRun(method, config.seed, source, motion, is_rectified=is_rectified)
     usual = span_without_stray_frames(log, topic, config)
     images = decode_frames(
-        iter_camera_frames(log, topic, config, usual, run.count_rejected_frame),
+        iter_camera_frames(log, topic, config, usual, motion.speed_mps, run.count_rejected_frame),
         wanted_size_of=method.search_size,
         prepare=make_frame_preparer(method, Rectifier(source.camera_for_size) if is_rectified else None),
         colour_every_ns=COLOUR_DECODING_INTERVAL_NS if method.uses_colour else None,
@@ -206,7 +206,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     if config.render is not None:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
-            frames_of_topic = iter_camera_frames(log, topic, config, usual)
+            frames_of_topic = iter_camera_frames(log, topic, config, usual, motion.speed_mps)
             return decode_frames(frames_of_topic, wanted_size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
         channels.append(

@@ -30,6 +30,7 @@ from cwcli.signals.clocks import (
     first_and_last_log_time_without_strays,
 )
 from cwcli.signals.inputs import find_input_for_role
+from cwcli.signals.resample import Series
 from cwcli.signals.role import Role
 from cwcli.signals.transforms import (
     BODY_FRAME_NAMES,
@@ -52,11 +53,16 @@ from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
 KEYS_OF_CAMERA_CHOICE_IN_RECORDED_LANES_CONFIGURATION = ("mounting", "topics")
 """Keys of the recorded configuration of `cwcli lanes` that say how its camera was found."""
-MAX_TIME_OF_SAME_PICTURE_NS = 1_000_000_000
-"""Longest time for which a camera gives the same bytes before it counts as frozen [ns]: noise makes each picture of a
-sensor another one. Chosen by hand."""
-FROZEN_CAMERA_REASON = "the same picture for more than a second: the camera is frozen"
+MAX_TIME_OF_SAME_PICTURE_IN_MOTION_NS, MIN_SPEED_OF_CHANGING_PICTURE_MPS = 1_000_000_000, 3.0
+"""Longest time for which a camera gives the same bytes before it counts as frozen [ns], in a car that is at least this
+fast [m/s]. Chosen by hand."""
+MAX_TIME_OF_SAME_PICTURE_AT_UNKNOWN_SPEED_NS, MIN_REPETITIONS_AT_UNKNOWN_SPEED = 2_000_000_000, 10
+"""The same time where the speed is not known [ns], and the least number of repetitions. Chosen by hand: noise makes
+each picture of a sensor another one, but not that of a simulated camera in a car that stands."""
+FROZEN_CAMERA_REASON = "the same picture for more than 1 s in a moving car: the camera is frozen"
 """The reason for rejecting the frames of a frozen camera."""
+SAME_PICTURE_REASON = "the same picture for more than 2 s: a frozen camera, or a simulated one at standstill"
+"""The reason for rejecting frames that repeat a picture where the speed is not known."""
 
 
 @dataclass(frozen=True)
@@ -310,22 +316,58 @@ def span_without_stray_frames(log: Log, topic: str, span: Selection) -> Selectio
     return Selection(start_ns=first_ns, end_ns=last_ns + 1)
 
 
+class _PictureRepetition:
+    """Tells which frames repeat a picture for so long that the camera is frozen.
+
+    Args:
+        speed_mps: The ego's speed.
+    """
+
+    def __init__(self, speed_mps: Series) -> None:
+        self._speed_mps = speed_mps
+        self._last_data: bytes | memoryview = b""
+        self._since_ns = 0
+        self._n_repetitions = 0
+
+    def rejection_reason_or_empty(self, frame: Frame) -> str:
+        """Return why the next frame is not to be used; else ""."""
+        speed_mps = math.nan
+        is_new = frame.data != self._last_data
+        if not is_new:
+            at_ns = frame.log_time_ns if frame.stamp_ns is None else frame.stamp_ns
+            speed_mps = abs(self._speed_mps.linear_value_at_time_or_nan(at_ns))
+        if is_new or speed_mps < MIN_SPEED_OF_CHANGING_PICTURE_MPS:
+            self._last_data, self._since_ns, self._n_repetitions = frame.data, frame.log_time_ns, 0
+            return ""
+        self._n_repetitions += 1
+        same_for_ns = frame.log_time_ns - self._since_ns
+        if not math.isnan(speed_mps):
+            return FROZEN_CAMERA_REASON if same_for_ns > MAX_TIME_OF_SAME_PICTURE_IN_MOTION_NS else ""
+        is_long = same_for_ns > MAX_TIME_OF_SAME_PICTURE_AT_UNKNOWN_SPEED_NS
+        return SAME_PICTURE_REASON if is_long and self._n_repetitions >= MIN_REPETITIONS_AT_UNKNOWN_SPEED else ""
+
+
 def iter_camera_frames(
-    log: Log, topic: str, span: Selection, usual: Selection, reject: Callable[[str], None] = lambda reason: None
+    log: Log,
+    topic: str,
+    span: Selection,
+    usual: Selection,
+    speed_mps: Series,
+    reject: Callable[[str], None] = lambda reason: None,
 ) -> Iterator[Frame]:
     """The frames of the span; video from its beginning, because later pictures are made from earlier ones.
 
     One whose log time is far from all others' came at no time that is known, and is rejected, with a reason. In video
     it comes nevertheless: its picture is not to be used, but those after it are made from it. Frames (not of video)
-    that repeat the same bytes for more than a second are rejected, too.
+    that repeat the same bytes for long, in a car that is not known to stand, are rejected, too.
 
     Args:
         log, topic, span: Where the frames are, and which are wanted.
         usual: `span_without_stray_frames` of the same.
+        speed_mps: The ego's speed; empty if it is not known.
         reject: Called with the reason of each that is rejected.
     """
-    last_data: bytes | memoryview = b""
-    new_at_ns = 0
+    repetition = _PictureRepetition(speed_mps)
     for frame in log.frames(topic):
         is_video = frame.format.lower() in CODEC_OF_VIDEO_FORMAT
         is_wanted = span.includes_log_time(frame.log_time_ns)
@@ -334,11 +376,8 @@ def iter_camera_frames(
         is_stray = is_wanted and not usual.includes_log_time(frame.log_time_ns)
         if is_stray:
             reject(STRAY_LOG_TIME_REASON if 0 <= frame.log_time_ns <= MAX_STAMP_NS else INVALID_LOG_TIME_REASON)
-        if is_wanted and not is_stray and not is_video:
-            if frame.data != last_data:
-                last_data, new_at_ns = frame.data, frame.log_time_ns
-            elif frame.log_time_ns - new_at_ns > MAX_TIME_OF_SAME_PICTURE_NS:
-                reject(FROZEN_CAMERA_REASON)
-                continue
+        if is_wanted and not is_stray and not is_video and (reason := repetition.rejection_reason_or_empty(frame)):
+            reject(reason)
+            continue
         if is_video or (is_wanted and not is_stray):
             yield frame

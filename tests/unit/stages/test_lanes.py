@@ -21,6 +21,8 @@ from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.clocks import STRAY_LOG_TIME_REASON
 from cwcli.signals.columns import Ragged, StreamedChannel
+from cwcli.signals.resample import Series
+from cwcli.stages.inputs.frame_motion import MotionSeries
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.camera import Mounting
 from tests.unit.vision.fake_frames import encoded, png_header
@@ -151,15 +153,36 @@ def test_change_of_size_starts_a_new_search_and_says_so(tmp_path: Path) -> None:
     assert sections["searches started"] == 2
 
 
-def test_a_frozen_camera_is_told_and_its_frames_are_not_used(tmp_path: Path) -> None:
-    """Ten frames a second: of 30 equal ones those up to one second after the first are used."""
+@pytest.mark.parametrize(
+    ("speed_mps", "step_s", "last_used", "reason"),
+    [
+        (10.0, 0.1, 12, "the same picture for more than 1 s in a moving car: the camera is frozen"),
+        (math.nan, 0.1, 22, "the same picture for more than 2 s: a frozen camera, or a simulated one at standstill"),
+        (math.nan, 1.0, 11, "the same picture for more than 2 s: a frozen camera, or a simulated one at standstill"),
+        (0.0, 0.1, 31, ""),
+    ],
+)
+def test_frames_that_repeat_a_picture_are_used_unless_the_car_moves(
+    speed_mps: float,
+    step_s: float,
+    last_used: int,
+    reason: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of 30 equal frames: up to 1 s after the first in motion, 2 s and 9 repetitions at an unknown speed, else all."""
+    step_ns = round(step_s * 1e9)
+    stamp_ns = START_NS + np.arange(0 if math.isnan(speed_mps) else 40) * step_ns
+    speed = Series(stamp_ns, np.full(len(stamp_ns), speed_mps))
+    monkeypatch.setattr("cwcli.stages.lanes.read_ego_motion", lambda *_: MotionSeries(speed))
     before, frozen, after = road_frames(2), road_frames(1, first=2) * 30, road_frames(2, first=3)
-    result = run(write_log(tmp_path / "road.mcap", [*before, *frozen, *after]))
+    path = write_log(tmp_path / "road.mcap", [*before, *frozen, *after], step_ns=step_ns)
+    result = run(path, LanesConfig())
     count = result.summary.inputs[0]
-    assert (count.read, count.used) == (34, 15)
-    assert dict(count.rejected) == {"the same picture for more than a second: the camera is frozen": 19}
+    assert (count.read, count.used) == (34, last_used + 3)
+    assert dict(count.rejected) == ({reason: 31 - last_used} if reason else {})
     times = np.asarray(result.tables["lanes"].columns["log_time_ns"])
-    assert ((times - times[0]) // STEP_NS).tolist() == [*range(13), 32, 33]
+    assert ((times - times[0]) // step_ns).tolist() == [*range(last_used + 1), 32, 33]
 
 
 def test_gap_starts_a_new_search(tmp_path: Path) -> None:
