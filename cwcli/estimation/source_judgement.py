@@ -76,7 +76,6 @@ def judge_sources(
     prepare: Prepare,
     *,
     trusted: Collection[str] = (),
-    trusted_clocks: Collection[str] = (),
     looks_ahead: bool = True,
 ) -> JudgedSources:
     """Correct and leave out sources; see the module.
@@ -85,7 +84,6 @@ def judge_sources(
         measurements: Positions first; what the user says of them is corrected already.
         prepare: Cleans them.
         trusted: Sources that are neither corrected nor left out.
-        trusted_clocks: Sources whose stamps stay as they are, because the user said how late they are.
         looks_ahead: Whether the whole log may be used; else contradictions are reported, and nothing is changed.
     """
     if not looks_ahead:

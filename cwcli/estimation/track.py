@@ -241,7 +241,6 @@ def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorCon
             measurements,
             prepare_series_with_lever_arms,
             trusted=trusted,
-            trusted_clocks=config.sources_with_trusted_clock,
             looks_ahead=looks_ahead,
         )
     else:
