@@ -10,6 +10,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
 from math import cos, inf, nan, sin
 from pathlib import Path
 from typing import Any
@@ -103,8 +104,13 @@ def with_signed_times(said: OfficialTopic) -> OfficialTopic:
         [(t + 2**63) % 2**64 - 2**63 for t in each] for each in (said.log_time_ns, said.publish_time_ns)
     )
     order = sorted(range(len(logged)), key=logged.__getitem__)
-    rows = [[each[k] for k in order] for each in (logged, published, said.sequence, said.messages)]
-    return OfficialTopic(said.encoding, *rows, said.n_undecodable)
+    return replace(
+        said,
+        log_time_ns=[logged[k] for k in order],
+        publish_time_ns=[published[k] for k in order],
+        sequence=[said.sequence[k] for k in order],
+        messages=[said.messages[k] for k in order],
+    )
 
 
 def check_trace(data: bytes, command: Sequence[str], counts: Counter[str]) -> None:
