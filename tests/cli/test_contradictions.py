@@ -138,7 +138,7 @@ def test_options_for_topics_and_units_that_are_not_there_are_refused(cwcli: Run,
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (sign_turned, f"imu ({IMU}) has a gyroscope with the wrong sign: reversed (log-likelihood ratio "),
+        (sign_turned, f"imu ({IMU}) has a gyroscope with the wrong sign: reversed (by its own accelerometer and "),
         (upright, f"imu ({IMU}) is mounted with -z forward, y left and x up, not x, y and z: turned (log-likelihood"),
     ],
     ids=["gyroscope's sign turned", "IMU upright"],
