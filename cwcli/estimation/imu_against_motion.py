@@ -19,7 +19,12 @@ from cwcli.estimation.hypotheses.imu import ACCEL_UNIT_HYPOTHESES
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
-from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
+from cwcli.estimation.prepare import (
+    PreparedSeries,
+    earliest_stamp_ns,
+    finite_rows_by_stamp,
+    seconds_since_zero_time,
+)
 from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
 from cwcli.estimation.source_hypotheses import (
     MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS,
@@ -119,8 +124,7 @@ def correct_imus_and_find_contradictions_of_motion(
         corrected.append(m)
         if m.kind is not Kind.IMU or fixes is None or m.source not in level - {*trusted}:
             continue
-        rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
-        rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
+        rows = finite_rows_by_stamp(m)
         time_s = seconds_since_zero_time(m.stamp_ns[rows], earliest_stamp_ns(measurements))
         helpers = [
             p.series

@@ -104,6 +104,12 @@ def seconds_since_zero_time(stamp_ns: Int64Array, zero_ns: int) -> FloatArray:
     return (stamp_ns - zero_ns) / NS_PER_S
 
 
+def finite_rows_by_stamp(m: Measurements) -> Int64Array:
+    """Return the numbers of the rows (n,) whose values are all finite, in the order of their stamps."""
+    finite = np.flatnonzero(np.isfinite(m.values).all(axis=1))
+    return np.asarray(finite[np.argsort(m.stamp_ns[finite], kind="stable")])
+
+
 def clean_and_sort_measurements_and_note(
     measurements: Sequence[Measurements], zero_ns: int, mountings: Mapping[str, ImuMounting] = NO_KNOWN_MOUNTINGS
 ) -> tuple[list[PreparedSeries], list[str]]:
@@ -197,8 +203,7 @@ def prepare_without_looking_ahead(
     """
     prepared = []
     for m in measurements:
-        finite = np.flatnonzero(np.isfinite(m.values).all(axis=1))
-        rows = finite[np.argsort(m.stamp_ns[finite], kind="stable")]
+        rows = finite_rows_by_stamp(m)
         n_left_out = len(m) - len(rows)
         if m.kind in KINDS_THAT_IMU_MEASURES_TOO:
             changes = np.flatnonzero((m.values[rows] != m.values[rows[:1]]).any(axis=1))

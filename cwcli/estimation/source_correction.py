@@ -16,7 +16,7 @@ from cwcli.estimation.imu_hypotheses import find_imu_unit_sign_or_axis_fault
 from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
 from cwcli.estimation.passes import SensorSeries
-from cwcli.estimation.prepare import PreparedSeries, seconds_since_zero_time
+from cwcli.estimation.prepare import PreparedSeries, finite_rows_by_stamp, seconds_since_zero_time
 from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE, Judgement, SourceComparison
 from cwcli.estimation.source_hypotheses import (
     MIN_LOG_LIKELIHOOD_MARGIN_TO_NEXT,
@@ -147,8 +147,7 @@ def _attempt_reversed_gyroscope(
     """Return the measurements with the gyroscope reversed where the IMU's own accelerometer shows that it is wrong."""
     fixes = next(s for s in levelled_series if s.kind is Kind.POSITION)
     rate = next((s for s in levelled_series if s.kind is Kind.YAW_RATE and s.source == imu.source), None)
-    rows = np.flatnonzero(np.isfinite(imu.values).all(axis=1))
-    rows = rows[np.argsort(imu.stamp_ns[rows], kind="stable")]
+    rows = finite_rows_by_stamp(imu)
     time_s = seconds_since_zero_time(imu.stamp_ns[rows], zero_ns)
     if rate is None or not is_gyroscope_reversed_against_own_accelerometer(time_s, imu.values[rows], fixes, rate):
         return None
@@ -212,8 +211,7 @@ def attempt_imu_correction(
     others = [s for s in levelled_series if s.source != imu.source]
     if not any(s.kind is Kind.POSITION for s in others):
         return None
-    rows = np.flatnonzero(np.isfinite(imu.values).all(axis=1))
-    rows = rows[np.argsort(imu.stamp_ns[rows], kind="stable")]
+    rows = finite_rows_by_stamp(imu)
     time_s = seconds_since_zero_time(imu.stamp_ns[rows], zero_ns)
     found = find_imu_unit_sign_or_axis_fault(time_s, imu.values[rows], others)
     if found is None or _spoils_right_gravity(found.hypothesis, imu.values[rows]):

@@ -25,7 +25,12 @@ from cwcli.estimation.imu_against_motion import correct_imus_and_find_contradict
 from cwcli.estimation.jumping_fixes import fixes_jumped_away_mask
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.odd_sensors import find_impossible_imu_values, find_tilt_and_evidence
-from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
+from cwcli.estimation.prepare import (
+    PreparedSeries,
+    earliest_stamp_ns,
+    finite_rows_by_stamp,
+    seconds_since_zero_time,
+)
 from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
 from cwcli.estimation.source_correction import (
     CorrectionAttempt,
@@ -234,8 +239,7 @@ def set_wrong_rows_aside_and_list_them(
     for m in measurements:
         remaining = m
         if m.source not in trusted and len(m) >= MIN_ROWS_OF_COMPARED_SOURCE and not m.is_exact:
-            rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
-            rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
+            rows = finite_rows_by_stamp(m)
             time_s, values = seconds_since_zero_time(m.stamp_ns[rows], zero_ns), m.values[rows]
             frozen = frozen_row_mask(m.kind, time_s, values, fixes)
             if frozen.any():
@@ -289,8 +293,7 @@ def _correction_of_rows_set_aside(
 
 def _motion_of_first_position_source(measurements: Sequence[Measurements], zero_ns: int) -> FixMotion:
     m = next(m for m in measurements if m.kind is Kind.POSITION)
-    rows = np.flatnonzero(np.isfinite(m.values).all(axis=1))
-    rows = rows[np.argsort(m.stamp_ns[rows], kind="stable")]
+    rows = finite_rows_by_stamp(m)
     return FixMotion(seconds_since_zero_time(m.stamp_ns[rows], zero_ns), m.values[rows])
 
 

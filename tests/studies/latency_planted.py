@@ -61,12 +61,12 @@ class Planted:
 
     @property
     def error_ms(self) -> float:
-        """Of the difference."""
+        """Error of the difference between the two latencies that were found, ms."""
         return 1e3 * (self.after.found_s - self.before.found_s) - self.shift_ms
 
     @property
     def is_right(self) -> bool:
-        """Within the bounds, or rightly not found."""
+        """Whether the difference is within the bounds, or rightly not found."""
         if not self.is_found:
             return min(1e3 * told.bound_s for told in (self.before, self.after)) > OBSERVABLE_MS
         return abs(self.error_ms) <= max(TOLERANCE_MS, 2e3 * self.after.sigma_s)

@@ -30,7 +30,7 @@ def _told(judged: JudgedSources) -> list[str]:
 
 
 def _largest_differences(judged: JudgedSources, right: JudgedSources) -> dict[Kind, float]:
-    """Of the used rows, kind by kind, where both have the same rows."""
+    """Return the largest difference of the used rows of each kind, of which both have the same."""
     found = {}
     for one, other in zip(judged.prepared, right.prepared, strict=True):
         apart = one.series.values - other.series.values

@@ -170,7 +170,7 @@ def test_frames_that_repeat_a_picture_are_used_unless_the_car_moves(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Of 30 equal frames: up to 1 s after the first in motion, 2 s and 9 repetitions at an unknown speed, else all."""
+    """In motion 30 equal frames are used for 1 s, at an unknown speed for 2 s and 9 repetitions, at standstill all."""
     step_ns = round(step_s * 1e9)
     stamp_ns = START_NS + np.arange(0 if math.isnan(speed_mps) else 40) * step_ns
     speed = Series(stamp_ns, np.full(len(stamp_ns), speed_mps))
