@@ -6,6 +6,7 @@ mounting. Their ratio is 1 unless the accelerometer, which gravity checks, or th
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Collection, Sequence
 
@@ -86,6 +87,7 @@ class StepAccelerations:
     Attributes:
         measured: Shape (n, 2): forward and left by the IMU, m/s^2.
         reference: Shape (n, 2): by the others.
+        per_lever_arm: Shape (n, 2): what the IMU reads more for each metre ahead of the axle, -w^2 and w', 1/s^2.
         course_rad: Shape (n,): course by the fixes; NaN where they hardly move.
         judges: Names of the others.
         time_s, speed_mps: Shape (n,): middle of the steps, and speed by the others.
@@ -94,6 +96,7 @@ class StepAccelerations:
 
     measured: FloatArray
     reference: FloatArray
+    per_lever_arm: FloatArray
     course_rad: FloatArray
     judges: str
     time_s: FloatArray
@@ -323,9 +326,9 @@ def compute_step_accelerations(
     motions, edges_s = step_motions_and_edges_for_evidence(others)
     if len(edges_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES + 3 or len(time_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
         return None
-    integral = np.column_stack(
-        [means_between_edges(time_s, trapezoidal_integral(time_s, column), edges_s) for column in values[:, :2].T]
-    )
+    forward, left, rate = values[:, 0], values[:, 1], values[:, 5]
+    integrals = (*(trapezoidal_integral(time_s, column) for column in (forward, left, -(rate**2))), rate)
+    integral = np.column_stack([means_between_edges(time_s, column, edges_s) for column in integrals])
     integral[~covered_step_mask(time_s, edges_s)] = np.nan
     # Smoothed as the reference is: changes of means over a step from the step before to the one behind it.
     measured = (integral[2:] - integral[:-2]) / (2.0 * float(edges_s[1] - edges_s[0]))
@@ -337,17 +340,16 @@ def compute_step_accelerations(
     n = int(rows.sum())
     if n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
         return None
-    f, r = (
+    f, r, k = (
         column[rows] - [median_of_finite_values(column[rows, 0]), median_of_finite_values(column[rows, 1])]
-        for column in (measured, reference)
+        for column in (measured[:, :2], reference, measured[:, 2:])
     )
     if np.square(r).sum() < n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2:
         return None
     judges = ", ".join(dict.fromkeys(m.source for m in (speed, turning)))
-    middle_s = 0.5 * (edges_s[2:-1] + edges_s[1:-2])
-    return StepAccelerations(
-        f, r, motions[0].angle_rad[1:-1][rows], judges, middle_s[rows], speed.speed_mps[1:-1][rows], motions[0], edges_s
-    )
+    middle_s, speed_mps = 0.5 * (edges_s[2:-1] + edges_s[1:-2])[rows], speed.speed_mps[1:-1][rows]
+    course_rad = motions[0].angle_rad[1:-1][rows]
+    return StepAccelerations(f, r, k, course_rad, judges, middle_s, speed_mps, motions[0], edges_s)
 
 
 def is_gyroscope_reversed_against_own_accelerometer(
@@ -377,17 +379,22 @@ def find_imu_yaw_hypothesis_and_evidence(a: StepAccelerations) -> tuple[Hypothes
     """Return the turn of a level IMU about the vertical and what shows it, or None.
 
     The turn of least squares between two sets of vectors has the angle atan2(sum of cross products, sum of scalar
-    products) (Horn, 1987, in the plane). Noise of either makes both sums smaller and does not move it.
+    products) (Horn, 1987, in the plane). Noise of either makes both sums smaller and does not move it. What a lever arm
+    adds, ahead or to the side, is taken out of both first: as complex numbers it is any multiple of i w' - w^2.
     """
-    f, r, n = a.measured, a.reference, len(a.measured)
-    power = float(np.square(f).sum()) * float(np.square(r).sum())
-    dot, cross = float((f * r).sum()), float((f[:, 1] * r[:, 0] - f[:, 0] * r[:, 1]).sum())
-    if math.hypot(dot, cross) < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(power):
+    own, other, per_metre = (x[:, 0] + 1j * x[:, 1] for x in (a.measured, a.reference, a.per_lever_arm))
+    n, power = len(own), max(float(np.square(np.abs(per_metre)).sum()), SMALLEST_POWER)
+    own, other = (column - per_metre * (np.vdot(per_metre, column) / power) for column in (own, other))
+    own_power, other_power = (float(np.square(np.abs(column)).sum()) for column in (own, other))
+    product = complex(np.vdot(other, own))
+    if other_power < 0.5 * n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2 or abs(
+        product
+    ) < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(own_power * other_power):
         return None
-    yaw_rad = math.atan2(cross, dot)
+    yaw_rad = cmath.phase(product)
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    rest = f @ np.array([[c, -s], [s, c]]) - r
-    sigma_rad = math.sqrt(float(np.square(rest).sum()) / (2.0 * n) / float(np.square(r).sum()))
+    rest = own * complex(c, -s) - other
+    sigma_rad = math.sqrt(float(np.square(np.abs(rest)).sum()) / (2.0 * n) / other_power)
     if abs(yaw_rad) < max(MIN_CORRECTED_MOUNTING_YAW_RAD, MIN_MOUNTING_YAW_IN_SIGMAS * sigma_rad):
         return None
     matrix = np.eye(6)

@@ -21,7 +21,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
-from cwcli.estimation.slow_accel import high_pass_time_constant_of_accelerometer_s
+from cwcli.estimation.slow_accel import high_pass_time_constant_of_accelerometer_s, speed_changes_of_lever_arm
 from cwcli.estimation.step_evidence import FIX_KINDS, MIN_COURSE_SPEED_MPS
 from cwcli.estimation.step_motion import (
     MIN_FIX_DISTANCE_FOR_COURSE_M,
@@ -241,7 +241,8 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
                     [(motions[i], motions[j]) for _, motions in by_length]
                 )
             if check is SourceComparisonCheck.SPEED_CHANGE and judgement is Judgement.UNKNOWN:
-                found += _slow_part_contradiction(one, other, [(motions[i], motions[j], s) for s, motions in by_length])
+                pairs = [(motions[i], motions[j], s) for s, motions in by_length]
+                found += _slow_part_contradiction(one, other, pairs, usable)
             if judgement is Judgement.UNKNOWN or (
                 check in CHECKS_THAT_ONLY_CONTRADICT and judgement is Judgement.AGREE
             ):
@@ -256,19 +257,27 @@ def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceCompa
 
 
 def _slow_part_contradiction(
-    one: SourceQuantity, other: SourceQuantity, pairs: Sequence[tuple[StepMotion, StepMotion, float]]
+    one: SourceQuantity,
+    other: SourceQuantity,
+    pairs: Sequence[tuple[StepMotion, StepMotion, float]],
+    series: Sequence[SensorSeries],
 ) -> list[SourceComparison]:
     """Return a contradiction of an accelerometer without its slow part and the fixes, or nothing; see `slow_accel`.
 
     Args:
         one, other: The sources.
         pairs: Their motions, and the length of the steps, s.
+        series: All series; the turn rate of one tells what a lever arm explains.
     """
     if {one.kind, other.kind} != {Kind.ACCEL, Kind.POSITION}:
         return []
     for first, second, step_s in reversed(pairs):
         accel, fixes = (first, second) if first.kind is Kind.ACCEL else (second, first)
         time_constant_s = high_pass_time_constant_of_accelerometer_s(accel, fixes, step_s)
+        turning = next((s for s in series if s.kind is Kind.YAW_RATE), None)
+        if turning is not None and math.isfinite(time_constant_s):
+            of_lever_arm = speed_changes_of_lever_arm(turning, step_edges_s(series, step_s))
+            time_constant_s = high_pass_time_constant_of_accelerometer_s(accel, fixes, step_s, of_lever_arm)
         if math.isfinite(time_constant_s):
             check = SourceComparisonCheck.SLOW_ACCEL
             return [SourceComparison(check, one, other, Judgement.CONTRADICT, time_constant_s)]

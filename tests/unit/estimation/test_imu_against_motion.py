@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 
@@ -110,7 +111,7 @@ def test_fixes_that_are_early_beside_all_others_move_none_of_these() -> None:
 def _drive_with_lever_arm_and_late_fixes(
     speed_mps: np.ndarray, yaw_rate_radps: np.ndarray, lever_arm_m: float = 0.0, late_s: float = 0.0
 ) -> list[Measurements]:
-    """Return fixes at 10 Hz and an IMU ahead of the rear axle at 50 Hz, whose left acceleration is v w + x w'."""
+    """Return fixes at 10 Hz and an IMU x m ahead of the rear axle at 50 Hz, which reads v' - x w^2 and v w + x w'."""
     rng, step_s = np.random.default_rng(0), 0.02
     t = step_s * np.arange(len(speed_mps))
     heading = 0.3 + step_s * np.cumsum(yaw_rate_radps)
@@ -132,13 +133,49 @@ def _drive_with_lever_arm_and_late_fixes(
 )
 def test_an_imu_ahead_of_the_rear_axle_lags_in_no_turn(lever_arm_m: float, fast_mps: float, slow_mps: float) -> None:
     """Turns by a right angle in 5 s every 20 s: x w' leads v w as a gyroscope that lags would."""
-    t = 0.02 * np.arange(15_000)
-    since = (t + 10.0) % 20.0 - 10.0
-    side = np.where((t + 10.0) // 20.0 % 3.0 == 1.0, -1.0, 1.0)
-    rate = side * np.where(np.abs(since) < 2.5, np.pi**2 / 4.0 / 5.0 * np.cos(np.pi * since / 5.0), 0.0)
-    speed = fast_mps - (fast_mps - slow_mps) * np.exp(-0.5 * (since / 3.5) ** 2)
+    speed, rate = _slow_turns(fast_mps, slow_mps, 5.0)
     judged = _judge(_drive_with_lever_arm_and_late_fixes(speed, rate, lever_arm_m=lever_arm_m))
     assert judged.corrections == ()
+
+
+def _slow_turns(
+    fast_mps: float, slow_mps: float, turn_s: float, *, one_in: float = 3.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return speed and turn rate of five minutes of turns by a right angle every 20 s; one in some is to the right."""
+    t = 0.02 * np.arange(15_000)
+    since = (t + 10.0) % 20.0 - 10.0
+    side = np.where((t + 10.0) // 20.0 % one_in == 1.0, -1.0, 1.0)
+    rate = side * np.where(np.abs(since) < 0.5 * turn_s, np.pi**2 / 4.0 / turn_s * np.cos(np.pi * since / turn_s), 0.0)
+    return fast_mps - (fast_mps - slow_mps) * np.exp(-0.5 * (since / 3.5) ** 2), rate
+
+
+@pytest.mark.parametrize(
+    ("lever_arm_m", "fast_mps", "slow_mps", "turn_s", "one_in"),
+    [
+        (-3.0, 8.0, 4.0, 5.0, 3.0),
+        (-1.5, 10.0, 4.0, 3.0, 3.0),
+        (-3.0, 6.0, 3.0, 3.0, math.inf),
+        (2.0, 6.0, 3.0, 3.0, math.inf),
+    ],
+)
+def test_a_lever_arm_in_slow_turns_is_no_high_pass_filter_and_no_yaw(
+    lever_arm_m: float, fast_mps: float, slow_mps: float, turn_s: float, one_in: float
+) -> None:
+    """Behind the axle w^2 adds in each turn, where the car is slow; in turns to the left alone it goes with v w."""
+    speed, rate = _slow_turns(fast_mps, slow_mps, turn_s, one_in=one_in)
+    judged = _judge(_drive_with_lever_arm_and_late_fixes(speed, rate, lever_arm_m=lever_arm_m))
+    assert judged.corrections == ()
+    assert judged.contradictions == ()
+
+
+def test_a_yaw_is_found_beside_a_lever_arm() -> None:
+    speed, rate = _slow_turns(8.0, 4.0, 5.0)
+    fixes, imu = _drive_with_lever_arm_and_late_fixes(speed, rate, lever_arm_m=-2.0)
+    c, s = math.cos(math.radians(20.0)), math.sin(math.radians(20.0))
+    turned = imu.values.copy()
+    turned[:, :2] = imu.values[:, :2] @ np.array([[c, -s], [s, c]])
+    (correction,) = _judge([fixes, replace(imu, values=turned)]).corrections
+    assert re.match(r"is mounted turned by (19|20|21) degrees", correction.fault)
 
 
 def test_a_lever_arm_is_no_other_unit_of_an_accelerometer_whose_gravity_is_right() -> None:
