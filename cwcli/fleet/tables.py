@@ -59,6 +59,9 @@ PIECES_PER_JOINED_BLOCK = 256
 Chosen by hand."""
 MAX_OPEN_TABLE_FILES = 400
 """Number of files that are open at a time; chosen: below the 1,024 that most systems allow."""
+MAX_OPEN_FOOTER_BYTES, MAX_FOOTER_BYTES_OF_TABLE = 8_000_000, 32_000_000
+"""Bytes of the footers, which list the row groups, of the tables that are read at a time; and of one table in all
+folders. In memory they take twelve times as much (measured with pyarrow 26)."""
 
 
 class RowsPiece(NamedTuple):
@@ -82,6 +85,9 @@ class RowSource(Protocol):
 
     def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
         """Return a function that yields the tables of a log that have these names; ids come in ascending order."""
+
+    def count_footer_bytes(self, name: str) -> int:
+        """Count the bytes of the footer that is held while a table is read."""
 
 
 class StagedRows:
@@ -111,6 +117,10 @@ class StagedRows:
 
         return tables_of_log
 
+    def count_footer_bytes(self, name: str) -> int:
+        """Return 0: there are no footers."""
+        return 0
+
 
 class MergedRows:
     """The rows of logs in the tables of an output folder."""
@@ -125,6 +135,7 @@ class MergedRows:
 
         for name in iter_table_names(self._out) if ids else ():
             path = self._out / f"{name}{TABLE_FILE_SUFFIX}"
+            _require_footer_in_bounds(self.count_footer_bytes(name), str(path))
             try:
                 schema = parquet.read_schema(path)
             except (OSError, ValueError, pa.ArrowException) as error:
@@ -151,6 +162,24 @@ class MergedRows:
                     yield name, piece
 
         return rows_of_log
+
+    def count_footer_bytes(self, name: str) -> int:
+        """Count the bytes of the footer of a table, 0 if there is no such file."""
+        path = self._out / f"{name}{TABLE_FILE_SUFFIX}"
+        if not is_file(path):
+            return 0
+        try:
+            with path.open("rb") as file:
+                file.seek(-len(PARQUET_MAGIC) - 4, 2)
+                return int.from_bytes(file.read(4), "little")
+        except OSError as error:
+            raise InputError(f"the table can't be read: {error.strerror}", where=str(path)) from error
+
+
+def _require_footer_in_bounds(n_bytes: int, where: str) -> None:
+    if n_bytes > MAX_FOOTER_BYTES_OF_TABLE:
+        most = f"more than {MAX_FOOTER_BYTES_OF_TABLE // 1_000_000} MB"
+        raise InputError(f"the list of the table's row groups takes {most}", where=where)
 
 
 class _RowsInOrder:
@@ -212,9 +241,7 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
         for name, schema in source.iter_table_names_and_schemas(own_ids):
             schemas.setdefault(name, []).append(schema)
     names = sorted(schemas)
-    n_at_a_time = max(MAX_OPEN_TABLE_FILES // (len(sources) + 1), 1)
-    for k in range(0, len(names), n_at_a_time):
-        some = frozenset(names[k : k + n_at_a_time])
+    for some in _iter_names_for_each_pass(names, sources):
         with AtomicGroup() as together, ExitStack() as stack:
             writers = {
                 name: _TableWriter(out, name, unify_schemas(schemas[name]), run_id, stack, together)
@@ -232,6 +259,23 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
     with open_output(out / SQL_VIEWS_FILE_NAME, force=True, durable=False) as output:
         output.write(duckdb_views_sql(names).encode())
     return names
+
+
+def _iter_names_for_each_pass(names: Sequence[str], sources: Sequence[RowSource]) -> Iterator[frozenset[str]]:
+    """Yield the names of tables whose files and footers can be open together."""
+    n_most = max(MAX_OPEN_TABLE_FILES // (len(sources) + 1), 1)
+    some: set[str] = set()
+    n_held = 0
+    for name in names:
+        n_bytes = sum(each.count_footer_bytes(name) for each in sources)
+        _require_footer_in_bounds(n_bytes, name)
+        if some and (len(some) == n_most or n_held + n_bytes > MAX_OPEN_FOOTER_BYTES):
+            yield frozenset(some)
+            some, n_held = set(), 0
+        some.add(name)
+        n_held += n_bytes
+    if some:
+        yield frozenset(some)
 
 
 class _TableWriter:
@@ -348,9 +392,9 @@ def _array_of_numbers(values: npt.NDArray[np.int32] | npt.NDArray[np.int64]) -> 
 
 
 def iter_table_names(out: Path) -> Iterator[str]:
-    """Yield the names of the tables in an output folder, sorted."""
+    """Yield the names of the tables in an output folder, sorted; pipes and devices are none."""
     found = [path.relative_to(out) for pattern in ("*", f"{DETAILS_FOLDER}/*", f"{TABLES_FOLDER}/*")
-             for path in out.glob(f"{pattern}{TABLE_FILE_SUFFIX}")]  # fmt: skip
+             for path in out.glob(f"{pattern}{TABLE_FILE_SUFFIX}") if is_file(path)]  # fmt: skip
     yield from sorted(path.as_posix().removesuffix(TABLE_FILE_SUFFIX) for path in found)
 
 

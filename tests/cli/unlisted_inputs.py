@@ -476,15 +476,20 @@ def nested_table(path: Path) -> None:
     pq.write_table(pa.table({name: pa.nulls(3, kind) for name in names}), path)
 
 
-def many_groups(path: Path) -> None:
-    """A table of 1,000 groups of a row."""
+def many_groups(path: Path, n: int = 1000) -> None:
+    """A table of this many groups of a row."""
     import pyarrow as pa
     from pyarrow import parquet as pq
 
     table = pa.table({name: pa.array(["x"]) for name in pq.read_schema(path).names})
     with pq.ParquetWriter(path, table.schema) as writer:
-        for _ in range(1000):
+        for _ in range(n):
             writer.write_table(table)
+
+
+def pipe_beside(path: Path) -> None:
+    """A pipe beside a table, which no manifest names."""
+    os.mkfifo(path.with_name("more.parquet"))
 
 
 def packed_often(data: bytes, n: int) -> bytes:
@@ -892,7 +897,8 @@ UNLISTED: dict[str, Make] = {
     "merge, tables that are devices": shards(table_device),
     "merge, tables that are pipes": shards(table_pipe),
     "merge, tables of lists of lists": shards(nested_table),
-    "merge, tables of 1,000 groups": shards(many_groups),
+    "merge, tables of 5,000 groups": shards(lambda path: many_groups(path, 5000)),
+    "merge, a pipe that is no table": shards(pipe_beside, "metrics.parquet"),
     "merge, tables whose rows are 2^62": shards(pages_of_lies),
     "merge, a manifest that is a device": shards(table_device, "manifest.json"),
     "merge, a manifest that is a pipe": shards(table_pipe, "manifest.json"),

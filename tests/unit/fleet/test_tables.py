@@ -84,6 +84,7 @@ def test_shards_merged_equal_one_run(
     assert names == sorted({name for own in logs.values() for name, _ in own})
     monkeypatch.setattr(tables, "ROWS_PER_READ", 5)  # how rows are read and joined on the way does not show
     monkeypatch.setattr(tables, "PIECES_PER_JOINED_BLOCK", 2)
+    monkeypatch.setattr(tables, "MAX_OPEN_FOOTER_BYTES", 4_000)
     shard_of = {id: int(rng.integers(3)) for id in logs}
     merged: dict[str, MergedRows] = {}
     for k in range(3):
@@ -114,6 +115,22 @@ def test_memory_does_not_hold_a_piece_of_every_log(tmp_path: Path, monkeypatch: 
     assert len(held) == 60
     assert max(held) <= 4 + 60 / 4
     assert pq.read_table(tmp_path / "metrics.parquet")["at_s"].to_pylist() == [float(k) for k in range(60)]
+
+
+def test_table_of_too_many_row_groups_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its footer takes 8 bytes less than what the bound is set to, and that of two shards together more."""
+    shards = {id: MergedRows(tmp_path / id) for id in "ab"}
+    for id, rows in shards.items():
+        stage(tmp_path / id, {id: [("metrics", table(x=np.arange(3)))]})
+        write_tables(tmp_path / id, {id: staged_rows(tmp_path / id)}, RUN_ID)
+        size = pq.read_metadata(tmp_path / id / "metrics.parquet").serialized_size
+        assert rows.count_footer_bytes("metrics") == size and rows.count_footer_bytes("no") == 0
+    (tmp_path / "out").mkdir()
+    monkeypatch.setattr(tables, "MAX_FOOTER_BYTES_OF_TABLE", size + 8)
+    write_tables(tmp_path / "out", {"a": shards["a"]}, RUN_ID)
+    with pytest.raises(InputError, match="row groups takes more than"):
+        write_tables(tmp_path / "out", shards, RUN_ID)
+    assert pq.read_table(tmp_path / "out" / "metrics.parquet")["log"].to_pylist() == ["a"] * 3
 
 
 def test_new_rows_replace_those_of_the_same_log_and_others_stay(tmp_path: Path) -> None:
