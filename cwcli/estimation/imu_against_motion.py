@@ -17,6 +17,7 @@ from cwcli.estimation.contradiction import CAR_MOTION_TEXT, Contradiction, Sourc
 from cwcli.estimation.correction import Correction, correction_of_all_rows
 from cwcli.estimation.hypotheses.base import Hypothesis
 from cwcli.estimation.hypotheses.imu import ACCEL_UNIT_HYPOTHESES
+from cwcli.estimation.map_stretch import MAP_STEP_S, stretch_of_map_or_nan
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
@@ -34,8 +35,10 @@ from cwcli.estimation.source_hypotheses import (
 from cwcli.estimation.step_motion import (
     MAX_BRIDGED_GAP_S,
     StepMotion,
+    compute_step_motion_by_source,
     covered_step_mask,
     means_between_edges,
+    step_edges_s,
     trapezoidal_integral,
 )
 from cwcli.lazy_dataclass import dataclass, replace
@@ -76,6 +79,8 @@ SMALLEST_RATIO, SMALLEST_POWER = 1e-3, 1e-12
 ACCEL_RATIO_RANGE = (0.85, 1.25)
 """Range of the ratio of an accelerometer's accelerations to those by the fixes that no fault is needed for. Chosen by
 hand: a car that leans out of its bends by 6 degrees at 1 g adds a tenth, and a road may be banked."""
+MAX_UNSUSPICIOUS_RATIO = 1.05
+"""Greatest such ratio, or its inverse, with which no other map is looked for: it only saves time. Chosen by hand."""
 RIGHT_GRAVITY_RANGE = (0.9, 1.1)
 """Range of the mean specific force in g that shows that the scale of an accelerometer is right. Chosen by hand."""
 
@@ -149,27 +154,19 @@ def correct_imus_and_find_contradictions_of_motion(
             continue
         gravity_g = float(np.linalg.norm(m.values[rows, :3].mean(axis=0))) / STANDARD_GRAVITY_MPS2
         found = find_imu_yaw_hypothesis_and_evidence(accelerations)
-        low, high = bounds_of_ratio_beyond_range(accelerations)
+        low, high = bounds_of_ratio(accelerations)
         is_gravity_right = RIGHT_GRAVITY_RANGE[0] < gravity_g < RIGHT_GRAVITY_RANGE[1]
         is_scaled = low < RIGHT_GRAVITY_RANGE[1] * gravity_g and high > RIGHT_GRAVITY_RANGE[0] * gravity_g
         if found is None and not is_gravity_right and is_scaled:
             found = _accel_scale_hypothesis(gravity_g), f"by accelerations of {accelerations.judges}"
-        elif found is None and is_gravity_right and _is_beyond_range(low, high):
+        elif found is None and is_gravity_right and _is_ratio_suspicious(low, high):
             # A speed may be wrong itself.
-            without_speed = [fixes, *(s for s in helpers if s.kind is not Kind.SPEED)]
-            by_fixes = compute_step_accelerations(time_s, m.values[rows], without_speed)
-            low, high = (math.nan, math.nan) if by_fixes is None else bounds_of_ratio_beyond_range(by_fixes)
-            if _is_beyond_range(low, high):
-                contradictions.append(_contradiction_of_map(fixes.source, m.source, low, high))
+            without_speed = [s for s in helpers if s.kind is not Kind.SPEED]
+            contradictions += _contradictions_of_map(time_s, m.select_rows(rows), fixes, without_speed)
         if found is not None:
             corrections.append(correction_of_all_rows(m, *found))
             corrected[-1] = found[0].correct_measurements(m)
     return corrected, corrections, contradictions
-
-
-def _is_beyond_range(low: float, high: float) -> bool:
-    """Whether the bounds of a ratio leave ACCEL_RATIO_RANGE; not where they are NaN."""
-    return high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]
 
 
 def _contradiction_of_clocks(fixes: str, imu: str, lag_s: float) -> Contradiction:
@@ -181,13 +178,41 @@ def _contradiction_of_clocks(fixes: str, imu: str, lag_s: float) -> Contradictio
     return Contradiction(SourceQuantity(fixes, Kind.POSITION), SourceQuantity(imu, Kind.IMU), what)
 
 
-def _contradiction_of_map(fixes: str, imu: str, low: float, high: float) -> Contradiction:
-    """Return the contradiction of fixes, given the bounds of the ratio of an IMU's accelerations to theirs."""
+def _is_ratio_suspicious(low: float, high: float) -> bool:
+    """Whether the middle of the bounds of a ratio is not near 1; not where they are NaN."""
+    return abs(math.log(max(low, SMALLEST_RATIO) * high)) > 2.0 * math.log(MAX_UNSUSPICIOUS_RATIO)
+
+
+def _contradictions_of_map(
+    time_s: FloatArray, imu: Measurements, fixes: SensorSeries, turning: Sequence[SensorSeries]
+) -> list[Contradiction]:
+    """Return the contradiction of fixes whose map has another scale, in one direction or all, or nothing.
+
+    Args:
+        time_s, imu: Rows of the IMU, whose gravity is right.
+        fixes: Positions.
+        turning: The IMU's own yaw rate.
+    """
+    edges_s = step_edges_s([fixes], MAP_STEP_S)
+
+    def measured_and_reference(on_map: SensorSeries) -> tuple[FloatArray, FloatArray] | None:
+        a = compute_step_accelerations(time_s, imu.values, [on_map, *turning], edges_s)
+        return None if a is None else (a.measured, a.reference)
+
+    a = compute_step_accelerations(time_s, imu.values, [fixes, *turning])
+    low, high = (math.nan, math.nan) if a is None else bounds_of_ratio(a)
+    stretch = stretch_of_map_or_nan(fixes, measured_and_reference) if _is_ratio_suspicious(low, high) else math.nan
+    if math.isfinite(stretch):
+        how = f"{stretch:.2g} times as far to the east as to the north, beside what"
+    elif high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]:
+        how = f"{1.0 / high:.2f} to {1.0 / max(low, SMALLEST_RATIO):.2f} times as far as"
+    else:
+        return []
     what = (
-        f"its fixes, and what agrees with them, move {1.0 / high:.2f} to {1.0 / max(low, SMALLEST_RATIO):.2f} times "
-        f"as far as the accelerations of {imu} show, whose gravity is right: check its unit and its map"
+        f"its fixes, and what agrees with them, move {how} the accelerations of {imu.source} show, whose gravity is "
+        "right: check its unit and its map"
     )
-    return Contradiction(SourceQuantity(fixes, Kind.POSITION), CAR_MOTION_TEXT, what, explains_misfits=True)
+    return [Contradiction(SourceQuantity(fixes.source, Kind.POSITION), CAR_MOTION_TEXT, what, explains_misfits=True)]
 
 
 def _accel_scale_hypothesis(gravity_g: float) -> Hypothesis:
@@ -312,7 +337,7 @@ def _advance_lagging_columns(m: Measurements, rows: npt.NDArray[np.intp], lag_s:
 
 
 def compute_step_accelerations(
-    time_s: FloatArray, values: AccelGyroRows, others: Sequence[SensorSeries]
+    time_s: FloatArray, values: AccelGyroRows, others: Sequence[SensorSeries], edges_s: FloatArray | None = None
 ) -> StepAccelerations | None:
     """Return the accelerations by an IMU and the others; None where they hardly correlate, or without manoeuvres.
 
@@ -322,8 +347,12 @@ def compute_step_accelerations(
     Args:
         values: Shape (n, 6): accelerometer and gyroscope, levelled.
         others: Series of fixes first, then of speeds and of the IMU's own yaw rate.
+        edges_s: Edges of the steps; None: as the noise of the fixes needs them.
     """
-    motions, edges_s = step_motions_and_edges_for_evidence(others)
+    if edges_s is None:
+        motions, edges_s = step_motions_and_edges_for_evidence(others)
+    else:
+        motions = [compute_step_motion_by_source(s, edges_s) for s in others]
     if len(edges_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES + 3 or len(time_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
         return None
     forward, left, rate = values[:, 0], values[:, 1], values[:, 5]
@@ -405,34 +434,18 @@ def find_imu_yaw_hypothesis_and_evidence(a: StepAccelerations) -> tuple[Hypothes
     return hypothesis, f"accelerations of {a.judges}, sigma {math.degrees(sigma_rad):.1f} degrees in {n} steps"
 
 
-def bounds_of_ratio_beyond_range(a: StepAccelerations) -> tuple[float, float]:
-    """Return the bounds of the ratio of the IMU's accelerations to the others' where it is not 1; else NaN.
+def bounds_of_ratio(a: StepAccelerations) -> tuple[float, float]:
+    """Return the bounds of the ratio of the IMU's accelerations to the others'; NaN where they hardly correlate.
 
-    All are compared, and those to the east and to the north alone; the bounds are those that are farthest from 1. Two
-    regressions bound a ratio: noise of the reference makes the one on it too small, noise of the IMU the other one too
-    large.
+    Two regressions bound it: noise of the reference makes the one on it too small, that of the IMU the other too large.
     """
-    turn = np.exp(1j * a.course_rad)
-    f, r = (column[:, 0] + 1j * column[:, 1] for column in (a.measured, a.reference))
-    known = np.isfinite(turn)
-    one_way = [(part(f[known] * turn[known]), part(r[known] * turn[known])) for part in (np.real, np.imag)]
-    found = (math.nan, math.nan)
-    farthest = 0.0
-    for own, other in ((a.measured.ravel(), a.reference.ravel()), *one_way):
-        n, own_power, other_power = len(own), float(np.square(own).sum()), float(np.square(other).sum())
-        dot = float((own * other).sum())
-        if (
-            n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES
-            or other_power < 0.5 * n * MIN_RMS_ACCELERATION_OF_FIXES_MPS2**2
-            or dot < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(own_power * other_power)
-        ):
-            continue
-        on_other, on_own = dot / other_power, own_power / dot
-        sigma = math.sqrt(max(own_power - on_other * dot, 0.0) / (n - 1) / other_power)
-        low, high = on_other - MIN_RATIO_SIGMAS * sigma, on_own + MIN_RATIO_SIGMAS * sigma
-        if (distance := max(math.log(max(low, SMALLEST_RATIO)), -math.log(high))) > farthest:
-            farthest, found = distance, (low, high)
-    return found
+    own, other = a.measured.ravel(), a.reference.ravel()
+    own_power, other_power, dot = float(own @ own), float(other @ other), float(own @ other)
+    if dot < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(own_power * other_power):
+        return math.nan, math.nan
+    on_other, on_own = dot / other_power, own_power / dot
+    sigma = math.sqrt(max(own_power - on_other * dot, 0.0) / (len(own) - 1) / other_power)
+    return on_other - MIN_RATIO_SIGMAS * sigma, on_own + MIN_RATIO_SIGMAS * sigma
 
 
 def _forward_and_left_accelerations_mps2(speed_mps: FloatArray, turn_rad: FloatArray, step_s: float) -> FloatArray:

@@ -11,6 +11,9 @@ import pytest
 
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.source_judgement import JudgedSources
+from tests.studies.lying_sensors import judged, simulated, variants
+from tests.studies.sensor_faults import LATER_FAULTS
+from tests.studies.sensor_model import measurements_of
 from tests.unit.estimation.test_source_judgement import ALL, LEAN, _drive, _gyro, _judge, _with_fault
 
 
@@ -48,6 +51,19 @@ def test_a_map_of_another_scale_is_named_where_gravity_shows_that_of_the_acceler
     assert str(found.who) == "ego_position (/position)"
     assert "the accelerations of /imu show, whose gravity is right" in found.what
     assert found.left_out == ()
+
+
+@pytest.mark.parametrize("seed", [30117, 30202])
+def test_a_stretch_to_the_east_shows_in_one_coarse_fix_a_second(seed: int) -> None:
+    """As where degrees of longitude are not multiplied by their cosine, at 48 degrees north."""
+    lean = variants(measurements_of(simulated("city-coarse", seed)))["lean"]
+    assert judged(lean).contradictions == ()
+    fault = next(fault for fault in LATER_FAULTS if fault.name == "fix east x 1.5")
+    (found,) = judged(fault.apply(lean)).contradictions
+    assert str(found.who) == "ego_position (gnss)"
+    stretch = re.search(r"move (\d\.\d) times as far to the east as to the north", found.what)
+    assert stretch is not None
+    assert float(stretch[1]) == pytest.approx(1.5, abs=0.16)  # the next one that is tried is 1.65
 
 
 def test_an_imu_without_gravity_shows_no_scale() -> None:
