@@ -85,7 +85,11 @@ def columns_in_types_of_schema(table: pa.Table, schema: pa.Schema) -> list[pa.Ch
             continue
         column = table.column(field.name)
         if column.type != field.type:
+            is_fixed = pa.types.is_fixed_size_list(column.type)
             column = _column_as_json_text(column) if pa.types.is_string(field.type) else column.cast(field.type)
+            if is_fixed and column.null_count and pa.types.is_list(field.type):
+                # a null keeps its values, which Arrow 16 does not write
+                column = column.take(pa.array(range(len(column))))
         columns.append(column)
     return columns
 
