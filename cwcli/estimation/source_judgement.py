@@ -45,6 +45,7 @@ from cwcli.estimation.source_vote import (
     leave_out_outvoted_sources,
     quantity_of_series,
 )
+from cwcli.estimation.speed_in_bends import set_speeds_aside_in_bends
 from cwcli.estimation.standstill_heading import has_heading_jumps, heading_flipped_at_standstill_mask
 from cwcli.lazy_dataclass import dataclass, replace
 from cwcli.signals.columns import FloatArray
@@ -154,13 +155,13 @@ def judge_sources(
             corrections += in_part
             prepare_and_vote_again()
     current, turned_imus, wrong_maps = correct_imus_and_find_contradictions_of_motion(current, voted.prepared, trusted)
+    current, slipping = set_speeds_aside_in_bends(current, voted.prepared, trusted)
     current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
-    if turned_imus or scaled:
-        corrections += [*turned_imus, *scaled]
+    if turned_imus or slipping or scaled:
+        corrections += [*turned_imus, *slipping, *scaled]
         prepare_and_vote_again()
-    contradictions = (*wrong_maps, *voted.contradictions)
     unchecked = find_unchecked_quantities(voted.prepared, voted.comparisons)
-    return JudgedSources(voted.prepared, notes, tuple(corrections), contradictions, unchecked)
+    return JudgedSources(voted.prepared, notes, tuple(corrections), (*wrong_maps, *voted.contradictions), unchecked)
 
 
 def _does_any_heading_jump(prepared: Sequence[PreparedSeries]) -> bool:

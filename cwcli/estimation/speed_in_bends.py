@@ -1,0 +1,142 @@
+"""Find a speed that reads more or less in bends than on straight roads, by the accelerometer of an IMU.
+
+Wheels slip in bends. At the entrance of one such a speed changes by b v more than the acceleration explains, and at its
+exit by b v less. An accelerometer errs in bends, too, but otherwise: by a lever arm, and by a yaw of its mounting. So
+the changes of speed beyond those of the accelerometer are regressed on all of these, and on the change of v in bends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from cwcli.estimation.contradiction import SourceQuantity
+from cwcli.estimation.correction import Correction
+from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.median import median_of_finite_values
+from cwcli.estimation.passes import SensorSeries
+from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
+from cwcli.estimation.slow_accel import speed_changes_of_lever_arm
+from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
+from cwcli.estimation.step_motion import compute_step_motion_by_source, means_between_edges, step_edges_s
+from cwcli.lazy_dataclass import dataclass, replace
+from cwcli.signals.columns import FloatArray
+from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
+
+BEND_STEP_S = 0.5
+"""Length of the steps, s: a car turns in within one or two, and slopes change little. Chosen by hand; not fitted."""
+MIN_STEPS_WITH_BENDS = 60
+"""Least number of steps: half a minute. Chosen by hand; not fitted."""
+MIN_TURN_RATE_OF_BEND_RADPS = 0.05
+"""Turn rate from which on a car is in a bend, rad/s: one of 200 m at 10 m/s. Chosen by hand; not fitted."""
+MIN_EXCESS_IN_BENDS, MIN_EXCESS_SIGMAS = 0.01, 4.0
+"""Least share by which a speed reads more or less in bends, and in sigmas above it. Steered wheels drive farther than
+the rear axle: by 1.6 % with a wheelbase of 2.7 m round 15 m, and by less in most bends. Chosen by hand; not fitted."""
+MAX_BEND_RESIDUAL_IN_SCATTERS = 4.0
+"""Greatest residual, in scatters, that the second pass uses; kerbs and lost rows lie beyond. Chosen by hand."""
+MIN_POWER_SHARE_BESIDE_OTHERS = 1e-3
+"""Least share of the sum of squares that the other causes leave of the change of v in bends. Chosen by hand."""
+
+
+@dataclass(frozen=True)
+class ExcessInBends:
+    """By how much a speed reads more in bends.
+
+    Attributes:
+        value, sigma: The excess as a share of what it reads there, and one sigma of it.
+        middle_s, turn_rate_radps: Shape (n,): middles of the steps, and the turn rates in them without their bias.
+    """
+
+    value: float
+    sigma: float
+    middle_s: FloatArray
+    turn_rate_radps: FloatArray
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether neither chance nor steered wheels explain it."""
+        return abs(self.value) - MIN_EXCESS_SIGMAS * self.sigma > MIN_EXCESS_IN_BENDS
+
+
+def set_speeds_aside_in_bends(
+    measurements: Sequence[Measurements], prepared: Sequence[PreparedSeries], trusted: Collection[str]
+) -> tuple[list[Measurements], list[Correction]]:
+    """Return the measurements with the rows in bends not measured of speeds that read more or less there.
+
+    Args:
+        measurements: Measurements.
+        prepared: Their series, after what contradicts the others was left out.
+        trusted: Sources that are not corrected.
+    """
+    usable = [p.series for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE and not p.series.is_exact]
+    fixes = next((s for s in usable if s.kind is Kind.POSITION), None)
+    accel = next((s for s in usable if s.kind is Kind.ACCEL), None)
+    turning = next((s for s in usable if s.kind is Kind.YAW_RATE and accel and s.source == accel.source), None)
+    speeds = {s.source: s for s in usable if s.kind is Kind.SPEED and s.source not in trusted}
+    found: list[Measurements] = []
+    corrections: list[Correction] = []
+    for m in measurements:
+        found.append(m)
+        if m.kind is not Kind.SPEED or m.source not in speeds or fixes is None or accel is None or turning is None:
+            continue
+        excess = find_excess_in_bends(speeds[m.source], accel, turning, fixes)
+        if excess is None or not excess.is_clear:
+            continue
+        time_s = seconds_since_zero_time(m.stamp_ns, earliest_stamp_ns(measurements))
+        rate = np.interp(time_s, excess.middle_s, excess.turn_rate_radps)
+        rows = (np.abs(rate) > 0.5 * MIN_TURN_RATE_OF_BEND_RADPS) & np.isfinite(m.values[:, 0])
+        found[-1] = replace(m, values=np.where(rows[:, None], np.nan, m.values))
+        n = int(rows.sum())
+        fault = (
+            f"reads {1.0 / (1.0 - excess.value):.3f} times the speed in bends, as of wheels that slip or are steered"
+        )
+        evidence = f"+- {excess.sigma:.3f} by accelerations of {accel.source}"
+        who = SourceQuantity(m.source, m.kind)
+        corrections.append(Correction(who, "bends", fault, f"{n} rows set aside", evidence, n_set_aside=n))
+    return found, corrections
+
+
+def find_excess_in_bends(
+    speed: SensorSeries, accel: SensorSeries, turning: SensorSeries, fixes: SensorSeries
+) -> ExcessInBends | None:
+    """Return by how much a speed reads more in bends; None in short logs, without bends and of a slow speed.
+
+    Args:
+        speed: A speed.
+        accel, turning: Forward acceleration and turn rate of one IMU.
+        fixes: Positions, for the time that is looked at.
+    """
+    edges_s = step_edges_s([fixes], BEND_STEP_S)
+    if len(edges_s) < MIN_STEPS_WITH_BENDS or median_of_finite_values(np.diff(speed.time_s)) > 0.5 * BEND_STEP_S:
+        return None
+    own, by_imu, turned = (compute_step_motion_by_source(s, edges_s) for s in (speed, accel, turning))
+    rate = means_between_edges(turning.time_s, turning.values[:, 0], edges_s)
+    rate -= median_of_finite_values(rate)
+    v, change = own.speed_mps, by_imu.speed_change_to_next_step_mps
+    missing = own.speed_change_to_next_step_mps - change
+    in_bends = np.diff(v * np.minimum(np.square(rate / MIN_TURN_RATE_OF_BEND_RADPS), 1.0))
+    lateral = v * rate
+    later = np.concatenate([change[1:], change[-1:]]) - np.concatenate([change[:1], change[:-1]])
+    yawed = lateral[1:] + lateral[:-1]
+    # Beside a bias: another scale of the IMU, a latency, its yaw and its lever arm.
+    others = np.column_stack(
+        [np.ones(len(change)), change, later, yawed, *speed_changes_of_lever_arm(turning, edges_s)]
+    )
+    rows = np.isfinite(missing + turned.turn_rad + later + yawed + in_bends)
+    value, sigma = math.nan, math.nan
+    for _ in range(2):
+        if rows.sum() < MIN_STEPS_WITH_BENDS:
+            return None
+        basis, _ = np.linalg.qr(others[rows])
+        free, rest = (x[rows] - basis @ (basis.T @ x[rows]) for x in (in_bends, missing))
+        power = float(free @ free)
+        if power <= MIN_POWER_SHARE_BESIDE_OTHERS * float(in_bends[rows] @ in_bends[rows]):
+            return None
+        value = float(free @ rest) / power
+        rest = rest - value * free
+        sigma = math.sqrt(float(rest @ rest) / (len(rest) - others.shape[1] - 1) / power)
+        scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(rest))
+        rows[rows] = np.abs(rest) <= MAX_BEND_RESIDUAL_IN_SCATTERS * scatter
+    return ExcessInBends(value, sigma, 0.5 * (edges_s[1:] + edges_s[:-1]), rate)
