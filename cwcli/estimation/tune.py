@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -122,11 +122,7 @@ def tune_latencies_and_noise(
     unknown = (
         f"{s.source}: the latency of {s.kind.name.lower()} is not observable"
         # three sigma, by the scatter over the log
-        + (
-            f" (it may be up to {1e3 * MIN_SIGNIFICANT_SIGMAS * latency.reach_s:.0f} ms)"
-            if np.isfinite(latency.reach_s)
-            else ""
-        )
+        + of_three_sigma(latency)
         + " and not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s) and not config.blind
@@ -209,6 +205,7 @@ class _ParameterSearch:
                 latencies = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
             remaining_s = [each.remaining_sigma_s for each in latencies.applied]
             unclear = series_whose_forward_arm_may_be_latency(found, base.series, remaining_s)
+            notes = notes_on_arms_that_may_be_latencies(base.series, found.ahead_m, unclear)
             if unclear:  # a latency or a place: of the two the latency is the likelier
                 found = found.mark_forward_arms_unobservable(unclear)
                 latencies = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
@@ -216,6 +213,8 @@ class _ParameterSearch:
             if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
                 remaining_s = [each.remaining_sigma_s for each in latencies.applied]
                 found = find_sensor_errors(self._estimate_noise_roughly(corrected), found, remaining_s)
+            if not found.model.ahead.intersection(unclear):
+                latencies = latencies._replace(notes=[*latencies.notes, *notes])
         if not found.model.modelled_errors:
             return latencies, found
         plain, modelled = (
@@ -274,6 +273,24 @@ class _ParameterSearch:
             )
         applied = [mark_latency_beyond_limits(each) for each in latencies]
         return _FoundLatencies(compared, applied, notes, clock_sigma_s)
+
+
+def notes_on_arms_that_may_be_latencies(
+    series: Sequence[SensorSeries], ahead_m: Mapping[int, tuple[float, float]], unclear: Sequence[int]
+) -> list[str]:
+    """Return notes on fixes that are late or those of an antenna ahead: with a latency the arm that was found is lost.
+
+    Args:
+        series: All series.
+        ahead_m: Index of a series -> lever arm ahead that was found beside a latency, and its sigma.
+        unclear: Those that are not used, because a latency explains as much.
+    """
+    return [
+        f"{series[i].source}: its fixes are late, or its antenna stands about {ahead_m[i][0]:.1f} m ahead of the rear "
+        "axle, which this log does not tell apart; say so with --latency or --lever-arm"
+        for i in unclear
+        if series[i].kind is Kind.POSITION and ahead_m[i][0] > MIN_SIGNIFICANT_SIGMAS * ahead_m[i][1]
+    ]
 
 
 def _correct_stamps(layout: StateLayout, latencies: Sequence[Latency], *, likeliest: bool = False) -> StateLayout:

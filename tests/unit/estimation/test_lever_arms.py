@@ -14,6 +14,7 @@ from cwcli.estimation.config import parse_lever_arm_options
 from cwcli.estimation.lever_arms import move_states_and_covariances_to_antenna
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import SensorSeries
+from cwcli.estimation.tune import notes_on_arms_that_may_be_latencies
 from tests.studies.sensor_model import NEES_BOUNDS, one_run
 
 ANTENNA_M, IMU_M, WHEEL_M = (1.5, 0.4), (0.8, -0.3), (0.0, 0.7)
@@ -148,3 +149,13 @@ def test_places_ahead_that_show_are_found_and_the_states_stay_the_antenna_s() ->
 def test_no_place_ahead_is_found_where_there_is_none() -> None:
     run = one_run("city", 1001, "auto")
     assert all(s.ahead_m.status is not ParameterStatus.USED for s in run.track.sources)
+
+
+def test_an_arm_that_may_be_a_latency_is_told_where_it_is_clear_by_itself() -> None:
+    series = [
+        SensorSeries(f"/{i}", kind, np.zeros(1), np.zeros((1, 2)), np.ones((1, 3)))
+        for i, kind in enumerate((Kind.POSITION, Kind.POSITION, Kind.ACCEL, Kind.POSITION))
+    ]
+    ahead_m = {0: (1.9, 0.5), 1: (1.4, 0.5), 2: (2.0, 0.1), 3: (2.0, 0.1)}
+    (note,) = notes_on_arms_that_may_be_latencies(series, ahead_m, [0, 1, 2])
+    assert note.startswith("/0: its fixes are late, or its antenna stands about 1.9 m ahead of the rear axle")
