@@ -32,11 +32,6 @@ STRING_TYPE = "string"
 """The type name of texts in UTF-8."""
 WSTRING_TYPE = "wstring"
 """The type name of texts in UTF-16, which cwcli does not decode."""
-_PREDEFINED_MESSAGES = {
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
-}
-"""The messages that a schema may use without a definition (builtin_interfaces)."""
 _DEFINITION_SEPARATOR = re.compile(r"^={3,}\s*$", re.MULTILINE)
 """The pattern of the line between two message definitions."""
 _MESSAGE_NAME_LINE_PATTERN = re.compile(r"^MSG:\s+(\S+)\s*$", re.MULTILINE)
@@ -74,6 +69,14 @@ MAX_DIGITS_OF_ARRAY_LENGTH = 18
 """The greatest number of digits in the length of an array: a number of that size fits in 64 bits."""
 
 Definitions = dict[str, tuple[MessageField, ...]]
+_PREDEFINED_MESSAGES: Definitions = dict.fromkeys(
+    ("builtin_interfaces/Time", "builtin_interfaces/Duration"),
+    tuple(
+        MessageField(name, kind, is_sequence=False, length=None)
+        for name, kind in (("sec", "int32"), ("nanosec", "uint32"))
+    ),
+)
+"""The messages that a schema may use without a definition (builtin_interfaces)."""
 
 
 NO_ALIASES: Mapping[str, str] = MappingProxyType({})
@@ -97,9 +100,7 @@ def parse_message_definitions(
     if len(text) > MAX_SCHEMA_CHARS:
         raise SchemaError(f"the schema has {len(text):,} characters, more than {MAX_SCHEMA_CHARS:,}")
     root = package_slash_message_name(schema_name)
-    definitions: Definitions = {
-        name: _parse_fields("builtin_interfaces", body, aliases) for name, body in _PREDEFINED_MESSAGES.items()
-    }
+    definitions = dict(_PREDEFINED_MESSAGES)
     for name, body in split_definitions(root, text):
         definitions[name] = _parse_fields(name.split("/")[0], body, aliases)
     if root not in definitions:

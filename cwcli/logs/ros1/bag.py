@@ -287,7 +287,7 @@ class BagReader:
             if len(name) > MAX_TYPE_NAME_CHARS or "/" not in name:
                 raise SchemaError("it has no name")
             definition = parse_ros1_definition(name, text)
-            if definition_checksum(definition) != checksum and checksum != CHECKSUM_OF_ANY_TYPE:
+            if checksum != CHECKSUM_OF_ANY_TYPE and definition_checksum(definition) != checksum:
                 self._count_fault(f"message types whose definition differs from its checksum ({shown})")
             self._types[name, text] = _Type(len(self._types) + 1, Ros1Converter(definition))
             yield Schema(len(self._types), shown, "ros2msg", ros2_definition_text(definition).encode())
