@@ -19,6 +19,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import field
+from functools import cached_property
 from pathlib import Path
 from threading import Thread
 from types import TracebackType
@@ -47,6 +48,8 @@ MAX_SETTINGS_BYTES = 16_000_000
 """Greatest size of a file that is read whole: settings, calibrations, definitions [bytes]; chosen by hand."""
 MAX_NET_OR_TABLE_FILE_BYTES = 4_000_000_000
 """Greatest size of a net or a table that is read whole [bytes]; chosen by hand."""
+MAX_STRETCHES_BETWEEN_HOLES = 100_000
+"""Greatest number of stretches between holes that are counted; nobody leaves so many. Chosen by hand."""
 BYTES_PER_MEGABYTE = 1_000_000
 """Bytes in a megabyte, for messages to users."""
 PIPE_WRITER_TIMEOUT_S = 60.0
@@ -131,10 +134,15 @@ class InputFile:
             self._held = first, held_bytes
         return held_bytes[start - first : stop - first]
 
+    @cached_property
+    def n_stored_bytes(self) -> int:
+        """The number of bytes that hold the content, without holes; of a compressed file, those on the disk."""
+        return count_bytes_outside_holes(self.descriptor, self._size)
+
     @property
     def max_unpacked_bytes(self) -> int:
         """Greatest number of bytes to which the whole file may unpack."""
-        return self.max_chunk_bytes + self.max_unpacked_bytes_of(len(self))
+        return self.max_chunk_bytes + self.max_unpacked_bytes_of(self.n_stored_bytes)
 
     def max_unpacked_bytes_of(self, n_bytes: int) -> int:
         """Return the number of bytes to which `n_bytes` of the file may unpack, by `max_ratio` alone."""
@@ -436,6 +444,24 @@ def open_descriptor_within_wait(path: str | Path, flags: int = os.O_RDONLY) -> i
         os.close(descriptor)
         raise
     return descriptor
+
+
+def count_bytes_outside_holes(descriptor: int, size: int) -> int:
+    """Return how many bytes of a file of this size are stored, and no hole; all, where nobody can tell."""
+    n_bytes = at = old = 0
+    try:
+        old = os.lseek(descriptor, 0, os.SEEK_CUR)
+        for _ in range(MAX_STRETCHES_BETWEEN_HOLES):
+            start = os.lseek(descriptor, at, os.SEEK_DATA)
+            at = os.lseek(descriptor, start, os.SEEK_HOLE)
+            n_bytes += at - start
+    except (OSError, AttributeError) as error:
+        if getattr(error, "errno", None) != errno.ENXIO:  # else no data follow
+            return size
+    finally:
+        with suppress(OSError):
+            os.lseek(descriptor, old, os.SEEK_SET)
+    return n_bytes
 
 
 def _stat_after_clock_tick(descriptor: int) -> os.stat_result:

@@ -278,6 +278,8 @@ def _candidate_bindings(channels: Sequence[ChannelWithInputs], role: str, ego_st
     """The bindings of lowest rank for a role, then those that are bound in addition; one for each topic."""
     ranked: dict[str, tuple[int, Binding]] = {}
     for channel, input_by_role in channels:
+        if role not in input_by_role and not channel.topic.startswith(OWN_TOPIC_PREFIX):
+            continue
         if _is_known_to_be_empty(channel) and role not in ROLES_THAT_MAY_BE_EMPTY:
             continue
         binding = Binding(

@@ -12,6 +12,7 @@ from cwcli.channels.reasons import (
 )
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
+from cwcli.logs.format.records import ChunkIndex
 from cwcli.logs.read.reader import Log
 
 MAX_MESSAGES_READ_PER_CHANNEL = 5
@@ -21,6 +22,8 @@ MAX_BYTES_OF_READ_MESSAGE = 1 << 16
 """Largest message that is read for its fields, 64 KiB; images and point clouds are larger. Chosen by hand."""
 MAX_CHANNELS_READ_FOR_FIELDS = 50
 """Greatest number of channels of a log whose messages are read for their fields. Chosen by hand."""
+MAX_BYTES_UNPACKED_FOR_FIELDS = 500_000_000
+"""Fewer channels are read where each may unpack a chunk so large that they would exceed this. Chosen by hand."""
 MAX_FIELDS_LISTED_PER_MESSAGE = 200
 """Greatest number of fields of a message that are listed. Chosen by hand."""
 MAX_NESTING_SEARCHED_FOR_FIELDS = 8
@@ -36,7 +39,9 @@ def complete_reasons_of_unknown_channels(log: Log, reasons: dict[str, UnboundRea
     schemas = {channel.topic: channel.schema_name for channel in log.channels}
     unknown = [topic for topic, reason in reasons.items() if reason.why == UNKNOWN_TYPE_TEXT and not reason.fields]
     diagnostics = [topic for topic in reasons if schemas[topic].endswith("/DiagnosticArray")]
-    for topic in [*unknown, *diagnostics][:MAX_CHANNELS_READ_FOR_FIELDS]:
+    largest = max((each.uncompressed_size for each in log.index.items_of_type(ChunkIndex)), default=1)
+    n_read = min(MAX_CHANNELS_READ_FOR_FIELDS, MAX_BYTES_UNPACKED_FOR_FIELDS // max(largest, 1))
+    for topic in [*unknown, *diagnostics][:n_read]:
         try:
             trees = log.first_message_trees(topic, MAX_MESSAGES_READ_PER_CHANNEL, MAX_BYTES_OF_READ_MESSAGE)
         except InputError as error:

@@ -45,6 +45,8 @@ QUICK = {
     "dbc of a log, a signal of 10^9 bits",
     "manifest, a device",
     "bag, 60,000 connections that only its index has",
+    "bag, 10 GB of hole",
+    "mcap.zst, 240 MB of messages of nothing, estimate",
 }
 """The default tests: those that found something, and one of each kind. Each takes a second."""
 MOST_MB, MOST_CPU_S, LONGEST_S = 500, 5, 120

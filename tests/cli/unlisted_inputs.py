@@ -58,7 +58,7 @@ from tests.cli.hostile_inputs import (
 from tests.unit.importing import files
 from tests.unit.importing.hostile_imports import GPX, SIGNAL
 from tests.unit.importing.unforeseen_imports import MULTIPLEXED
-from tests.unit.logs_read.hostile_containers import chunk, connection, message, one_topic, record, u32
+from tests.unit.logs_read.hostile_containers import bag_header, chunk, connection, message, one_topic, record, u32
 
 MEGABYTE = 1_000_000
 
@@ -571,7 +571,93 @@ def metadata_replaced(change: Callable[[Path], None]) -> Make:
     return make
 
 
+# --- files that stand for more than they store: holes, and what is compressed as a whole ---
+
+
+def packed_whole(name: str, head: bytes, block: bytes, *command: str) -> Make:
+    """A file of 240 MB of one block, compressed to some 20 kB."""
+
+    def make(folder: Path) -> list[str]:
+        with (folder / name).open("wb") as file, zstandard.ZstdCompressor().stream_writer(file) as packer:
+            packer.write(head)
+            for _ in range(240_000_000 // len(block)):
+                packer.write(block)
+        return [*command, "-o", "out.mcap", "--recover"]
+
+    return make
+
+
+def with_hole(make: Make, name: str, n_bytes: int) -> Make:
+    """The same with a hole at the end of a file, which is made where it is not there."""
+
+    def made(folder: Path) -> list[str]:
+        command = make(folder)
+        (folder / name).touch()
+        os.truncate(folder / name, n_bytes)
+        return command
+
+    return made
+
+
+def names_beside_logs(folder: Path) -> list[str]:
+    """A recording of 90,000 parts that are not there, beside 3,000 others."""
+    command = recorded(listing(*(f"d_{k}.mcap" for k in range(90_000))))(folder)
+    for k in range(3000):
+        (folder / "drive" / f"e_{k}.mcap").touch()
+    return command
+
+
+def described_channels(n: int, topic: str = "", metadata: bytes = b"", last: bytes = b"") -> bytes:
+    """A chunk of this many channels with a message each."""
+    return mcap_chunk(
+        b"".join(
+            mcap_channel(k, 0, f"/t{k}{topic}", "json", metadata) + mcap_message(k, T0_NS, b"{}")
+            for k in range(1, n + 1)
+        )
+        + last
+    )
+
+
+def large_schemas() -> Make:
+    """A chunk of 250 MB of schemas."""
+    schemas = (mcap_schema(k, f"p/msg/T{k}", "ros2msg", b"int8 x\n#" + bytes(3_900_000)) for k in range(1, 66))
+    return logged(mcap_chunk(b"".join(schemas) + FIX_CHANNEL))
+
+
+ONE_BYTE = connection(0, "/t", "p/T", "int8 x") + message(0, b"\1") * 20_000
+BAG_HEAD = b"#ROSBAG V2.0\n" + bag_header(4117)
+CUT_BAG = "cut", "in.bag.zst", "--start", "0"
+
 UNLISTED: dict[str, Make] = {
+    # what is compressed as a whole, and holes
+    "bag.zst, 240 MB of messages of a byte": packed_whole("in.bag.zst", BAG_HEAD, ONE_BYTE, *CUT_BAG),
+    "bag.zst, 240 MB of records of nothing": packed_whole(
+        "in.bag.zst", BAG_HEAD, record({"op": b"\x20"}, b"") * 20_000, *CUT_BAG
+    ),
+    **{
+        f"mcap.zst, 240 MB of messages of nothing, {command[0]}": packed_whole(
+            "in.mcap.zst",
+            MAGIC + HEADER + FIX_SCHEMA + FIX_CHANNEL,
+            mcap_message(1, T0_NS, b"") * 20_000,
+            *command,
+        )
+        for command in (["estimate", "in.mcap.zst"], ["join", "in.mcap.zst", "in.mcap.zst"])
+    },
+    "bag, 10 GB of hole": with_hole(recovered(bagged(chunk(ONE))), "in.bag", 10_000_000_000),
+    "mcap, 20 GB of hole": with_hole(recovered(logged(FIX_SCHEMA, FIX_CHANNEL)), "in.mcap", 20_000_000_000),
+    "db3, a WAL of 30 GB of hole": with_hole(beside("-wal", WAL), "in.db3-wal", 30_000_000_000),
+    # definitions
+    "yaml, 90,000 names beside 3,000 logs": names_beside_logs,
+    "mcap, 65 schemas of 4 MB": later(large_schemas),
+    "mcap, 60 channels of 300,000 entries of metadata": later(
+        lambda: logged(described_channels(60, metadata=b"".join(text(f"{k:05x}") + text("") for k in range(300_000))))
+    ),
+    "mcap, 60,000 channels, on the screen": later(
+        lambda: logged(described_channels(60_000, "x" * 900), command="info")
+    ),
+    "mcap, 60 topics in a chunk of 250 MB, on the screen": later(
+        lambda: logged(described_channels(60, last=mcap_message(60, T0_NS, bytes(250_000_000))), command="info")
+    ),
     # bags
     "bag, an index of 2^32 entries": bagged(chunk(ONE), tail=bag_index(0, 0xFFFFFFFF)),
     "bag, an index of a megabyte of lies": bagged(chunk(ONE), tail=bag_index(0, 83_333, b"\xff" * 999_996)),

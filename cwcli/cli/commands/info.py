@@ -43,6 +43,8 @@ EXAMPLES = (
 Document = dict[str, Any]
 MAX_NAMED_ATTACHMENTS_OR_METADATA_RECORDS = 100
 """Largest number of attachments or metadata records that are named; chosen by hand."""
+MAX_CHANNELS_SHOWN = 2000
+"""Greatest number of channels in a table. Chosen by hand: a hundred times what cars record."""
 MAX_LOG_FACT_CHARACTERS = 5000
 """Longest text of one fact about a log, in characters; chosen by hand."""
 
@@ -333,11 +335,13 @@ def print_log_description(console: Console, document: Document) -> None:
             None if channel["rate_hz"] is None else f"{channel['rate_hz']:.1f}",
             ", ".join(channel["roles"]) or "-",
         )
-        for channel in document["channels"]
+        for channel in document["channels"][:MAX_CHANNELS_SHOWN]
     ]
     console.print_summary(format_table(("topic", "schema", "encoding", "messages", "rate [Hz]", "used as"), rows))
+    if len(document["channels"]) > len(rows):
+        console.print_summary(f"and {len(document['channels']) - len(rows):,} more (--json lists all)")
     console.print_summary("")
-    unused = [each for each in document["channels"] if each["why_not"]]
+    unused = [each for each in document["channels"] if each["why_not"]][:MAX_CHANNELS_SHOWN]
     if unused:
         console.print_summary(format_table(("topic", "why it is not used"), unused_channel_rows(unused)))
         for line in dict.fromkeys(f"try: {line}" for each in unused for line in each["try"]):

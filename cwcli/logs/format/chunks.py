@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from cwcli.errors import InputError
 from cwcli.input import BYTES_PER_MEGABYTE, InputFile
 from cwcli.logs.format.faults import RECOVER_HINT
 from cwcli.logs.format.records import RECORD_PREFIX, ChunkIndex, RecordError, read_chunk, read_opcode_and_content_range
@@ -118,7 +119,21 @@ def check_message_count_against_file_size(file: InputFile, n_messages: int) -> N
         ChunkError: It holds more.
     """
     if n_messages * BYTES_AS_COSTLY_AS_ONE_MESSAGE > file.max_unpacked_bytes:
-        raise ChunkError(f"{n_messages:,} messages and more are in a file of {len(file):,} bytes", hint=MAX_RATIO_HINT)
+        raise ChunkError(
+            f"{n_messages:,} messages and more are in a file of {file.n_stored_bytes:,} bytes", hint=MAX_RATIO_HINT
+        )
+
+
+def check_unchunked_message_count(file: InputFile, n_messages: int) -> None:
+    """Check the same for messages outside chunks, of which only a compressed file holds too many.
+
+    Raises:
+        InputError: It holds more.
+    """
+    try:
+        check_message_count_against_file_size(file, n_messages)
+    except ChunkError as error:
+        raise InputError(str(error), where=file.name, hint="--max-ratio reads more") from error
 
 
 def _check_total_size_limit(file: InputFile, chunk: ChunkIndex) -> None:

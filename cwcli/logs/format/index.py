@@ -7,10 +7,17 @@ from dataclasses import field
 from operator import itemgetter
 from typing import NamedTuple, TypeVar
 
+from cwcli.errors import InputError
+from cwcli.input import BYTES_PER_MEGABYTE
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.joined_file import ChannelRenumbering
 from cwcli.logs.format.metadata_table import MetadataRun, MetadataTable
 from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, Schema, Statistics
+
+MAX_DEFINITION_BYTES = 64_000_000
+"""The greatest size of all schemas and channels of a log. Chosen by hand: recorders write 10 MB at most."""
+BYTES_AS_COSTLY_AS_ONE_METADATA_ENTRY = 128
+"""Bytes of definitions that take about as much memory as one entry of a channel's metadata. Chosen by hand."""
 
 
 class UnchunkedRange(NamedTuple):
@@ -51,6 +58,7 @@ class LogIndex:
         data_sections: For a log of parts: start and `data_end` of each part that has one.
         renumberings: For a log of parts: start of each part, and the mapping of its channel ids to those of the log;
             None if the ids are the same.
+        n_definition_bytes: About how much memory the schemas and channels take.
         has_message_counts: The summary counts the messages of each channel, which shows an index that leaves some out.
     """
 
@@ -67,8 +75,27 @@ class LogIndex:
     cut_chunks: set[int] = field(default_factory=set)
     has_complete_summary: bool = False
     has_message_counts: bool = False
+    n_definition_bytes: int = 0
     data_sections: list[tuple[int, int]] = field(default_factory=list)
     renumberings: list[tuple[int, ChannelRenumbering | None]] = field(default_factory=list)
+
+    def count_definition(self, definition: Schema | Channel, file_name: str) -> None:
+        """Count the memory of a schema or a channel that is new.
+
+        Raises:
+            InputError: All together take too much.
+        """
+        if isinstance(definition, Schema):
+            n_bytes = len(definition.name) + len(definition.data)
+        else:
+            entries = definition.metadata.items()
+            n_bytes = len(definition.topic) + sum(
+                BYTES_AS_COSTLY_AS_ONE_METADATA_ENTRY + len(key) + len(value) for key, value in entries
+            )
+        self.n_definition_bytes += n_bytes
+        if self.n_definition_bytes > MAX_DEFINITION_BYTES:
+            what = f"its schemas and channels take more than {MAX_DEFINITION_BYTES // BYTES_PER_MEGABYTE} MB"
+            raise InputError(what, where=file_name, hint="`mcap filter` makes a log without them")
 
     def items_of_type(self, kind: type[Kind]) -> list[Kind]:
         """Return the items of one type, in file order."""

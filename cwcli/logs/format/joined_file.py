@@ -61,6 +61,11 @@ class JoinedFile(InputFile):
         """Return the files on the disk that this log consists of."""
         return [file for part in self.parts for file in part.disk_files]
 
+    @property
+    def n_stored_bytes(self) -> int:
+        """The number of bytes that hold the content of all parts."""
+        return sum(each.n_stored_bytes for each in self.parts)
+
     def set_final_part_order(self, parts: Sequence[InputFile]) -> None:
         """Keep these parts in this final order; close the others."""
         self.keep_only_parts(parts)

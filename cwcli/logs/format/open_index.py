@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
@@ -15,9 +16,11 @@ from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.part_order import note_unreadable_part, order_parts_and_leave_out_repeated
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
+    Channel,
     ChunkIndex,
     Opcode,
     RecordError,
+    Schema,
     read_opcode_and_content_range,
     read_profile_and_library,
 )
@@ -84,6 +87,8 @@ def _index_parts(file: JoinedFile, read: Callable[[InputFile], LogIndex], *, rec
         InputError: One is damaged and `recover` is off, or none can be read.
     """
     found: list[tuple[InputFile, LogIndex]] = []
+    known: dict[object, Schema | Channel] = {}
+    definitions = LogIndex()
     for part in file.parts:
         part.max_chunk_bytes, part.max_ratio = file.max_chunk_bytes, file.max_ratio
         try:
@@ -93,6 +98,8 @@ def _index_parts(file: JoinedFile, read: Callable[[InputFile], LogIndex], *, rec
                 raise
             note_unreadable_part(file, part, error)
             last = error
+            continue
+        _share_equal_definitions(found[-1][1], known, definitions, file.name)
     if not found:
         raise last
     indexes = [index for _, index in found]
@@ -100,6 +107,25 @@ def _index_parts(file: JoinedFile, read: Callable[[InputFile], LogIndex], *, rec
         file.keep_only_parts([part for part, _ in found])
         indexes = order_parts_and_leave_out_repeated(file, indexes)
     return join_indexes(file, indexes)
+
+
+def _share_equal_definitions(
+    index: LogIndex, known: dict[object, Schema | Channel], counter: LogIndex, name: str
+) -> None:
+    """Let the schemas and channels of a part that earlier ones have, too, take no memory, and count the others.
+
+    Raises:
+        InputError: All together take too much.
+    """
+    parts: tuple[dict[int, Any], ...] = (index.schemas, index.channels)
+    for definitions in parts:
+        for number, each in definitions.items():
+            *content, last = each[1:]
+            first = known.setdefault((*content, last if isinstance(last, bytes) else tuple(sorted(last.items()))), each)
+            if first is each:
+                counter.count_definition(each, name)
+            else:
+                definitions[number] = first._replace(id=number)
 
 
 def _read_data_start_and_header(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, tuple[str, str, int]]:

@@ -262,6 +262,9 @@ _U64_U64 = struct.Struct("<QQ")
 _CHUNK_HEAD_FIELDS = struct.Struct("<QQQI")
 """The first fields of a chunk: first and last log time, uncompressed size, CRC."""
 
+MAX_CHANNEL_RECORD_BYTES = 8_000_000
+"""The greatest size of a channel with its metadata. Chosen by hand: recorders write a few thousand bytes."""
+
 FieldLayout = struct.Struct | Callable[[FieldReader], Any]
 """The layout of some fields of a record: numbers of fixed size, or the reader of one field of varying size."""
 _LENGTH_PREFIXED_TEXT_LAYOUT, _LENGTH_PREFIXED_BYTES_LAYOUT = FieldReader.read_string, FieldReader.read_byte_string
@@ -333,6 +336,13 @@ def read_record(kind: type[AnyRecord], data: ByteSource, start: int, end: int) -
         else:
             values.append(layout(fields))
     return kind(*values)
+
+
+def read_channel(data: ByteSource, start: int, end: int) -> Channel:
+    """Read a channel, unless its metadata may take many times its bytes."""
+    if end - start > MAX_CHANNEL_RECORD_BYTES:
+        raise RecordError(f"a channel has {end - start:,} bytes")
+    return read_record(Channel, data, start, end)
 
 
 def read_chunk(data: ByteSource, start: int, end: int) -> Chunk:

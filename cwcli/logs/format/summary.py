@@ -15,7 +15,6 @@ from cwcli.logs.format.records import (
     RECORD_PREFIX,
     AttachmentIndex,
     ByteSource,
-    Channel,
     ChunkIndex,
     Footer,
     MetadataIndex,
@@ -23,6 +22,7 @@ from cwcli.logs.format.records import (
     RecordError,
     Schema,
     Statistics,
+    read_channel,
     read_opcode_and_content_range,
     read_record,
 )
@@ -78,7 +78,7 @@ def read_summary_if_present(
         opcode, begin, at = read_opcode_and_content_range(summary, at, footer_at - start)
         n += opcode not in (Opcode.CHUNK_INDEX, Opcode.SUMMARY_OFFSET, Opcode.METADATA_INDEX)
         check_non_message_record_count(file.name, n)
-        _add_record_to_index(index, opcode, summary, begin, at)
+        _add_record_to_index(index, opcode, summary, begin, at, file.name)
         n_alike = n_alike + 1 if opcode == Opcode.METADATA_INDEX else 0
         if n_alike > MIN_RECORDS_FOR_KERNEL:
             at = index.metadata.append_consecutive_records_and_get_end(
@@ -93,18 +93,21 @@ def read_summary_if_present(
     return index
 
 
-def _add_record_to_index(index: LogIndex, opcode: int, data: ByteSource, start: int, end: int) -> None:
+def _add_record_to_index(index: LogIndex, opcode: int, data: ByteSource, start: int, end: int, file_name: str) -> None:
     """Add one record of the summary to the index.
 
     Raises:
+        InputError: The schemas and channels take too much memory.
         RecordError: It is damaged, or belongs in the data section.
     """
     if opcode == Opcode.SCHEMA:
         schema = read_record(Schema, data, start, end)
         index.schemas[schema.id] = schema
+        index.count_definition(schema, file_name)
     elif opcode == Opcode.CHANNEL:
-        channel = read_record(Channel, data, start, end)
+        channel = read_channel(data, start, end)
         index.channels[channel.id] = channel
+        index.count_definition(channel, file_name)
     elif opcode == Opcode.CHUNK_INDEX:
         index.items.append(read_record(ChunkIndex, data, start, end))
     elif opcode == Opcode.STATISTICS:

@@ -9,6 +9,7 @@ from cwcli.logs.format.chunks import (
     DECOMPRESSORS,
     ChunkError,
     check_message_count_against_file_size,
+    check_unchunked_message_count,
     decompress_chunk,
     decompress_cut_chunk_up_to_error,
     set_first_refused_chunk,
@@ -31,6 +32,7 @@ from cwcli.logs.format.records import (
     Statistics,
     channel_id_and_range_of_message_index_entries,
     read_attachment,
+    read_channel,
     read_chunk,
     read_chunk_head,
     read_metadata_name_and_entries,
@@ -82,6 +84,7 @@ class _DataSectionIndexer:
         self._last_ns = 0
         self._n_records = 0
         self._n_opened = 0
+        self._n_unchunked = 0
         self._n_taken_at_once = 0
 
     def index_records(self, at: int, *, define_all: bool) -> LogIndex:
@@ -130,6 +133,9 @@ class _DataSectionIndexer:
         items, file = self._index.items, self._file
         if opcode == Opcode.MESSAGE:
             self._count_message_and_get_channel_id(file, start, end)
+            self._n_unchunked += 1
+            if not self._n_unchunked % RECORDS_BETWEEN_MESSAGE_COUNT_CHECKS:
+                check_unchunked_message_count(file, self._n_unchunked)
             before = items[-1] if items else None
             if isinstance(before, UnchunkedRange) and before.end == at:
                 items[-1] = UnchunkedRange(before.start, end)
@@ -315,11 +321,16 @@ class _DataSectionIndexer:
 
     def _add_definition_and_get_id(self, opcode: int, data: ByteSource, start: int, end: int) -> int:
         """Add a schema or a channel, unless one with its id is known; return the id."""
+        definition: Schema | Channel
         if opcode == Opcode.SCHEMA:
-            schema = read_record(Schema, data, start, end)
-            return self._index.schemas.setdefault(schema.id, schema).id
-        channel = read_record(Channel, data, start, end)
-        return self._index.channels.setdefault(channel.id, channel).id
+            definition = read_record(Schema, data, start, end)
+            is_new = self._index.schemas.setdefault(definition.id, definition) is definition
+        else:
+            definition = read_channel(data, start, end)
+            is_new = self._index.channels.setdefault(definition.id, definition) is definition
+        if is_new:
+            self._index.count_definition(definition, self._file.name)
+        return definition.id
 
     def _count_message_and_get_channel_id(self, data: ByteSource, start: int, end: int) -> int:
         if end - start < MESSAGE_HEADER_BYTES:

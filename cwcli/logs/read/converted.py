@@ -50,6 +50,11 @@ class ConvertedFile(InputFile):
         """Return the file that the user named, and those that were read with it."""
         return [*self.original.disk_files, *self._more]
 
+    @property
+    def n_stored_bytes(self) -> int:
+        """The number of bytes that hold the content: those of the original."""
+        return self.original.n_stored_bytes
+
     def check_unchanged(self) -> None:
         """Check that the original files have not changed since they were opened."""
         for each in (self.original, *self._more):
@@ -82,6 +87,7 @@ def convert_if_needed(file: InputFile, bounds: ReadBounds) -> InputFile:
         UsageError: A package is not installed that it needs.
     """
     try:
+        bounds.refuse_holes(file)
         head = bytes(file[:16])
         while head.startswith(ZSTD_MAGIC):
             file = _convert_into_temporary_file(file, partial(_decompress_file, file, bounds))
@@ -103,6 +109,8 @@ def _convert_bag_file(file: InputFile, bounds: ReadBounds, *, is_ros1: bool) -> 
         source.add_compression("zstd")
     journals = [] if is_ros1 else open_journals(file)
     try:
+        for each in journals:
+            bounds.refuse_holes(each)
         fill = partial(convert_in_process, file, source, None if is_ros1 else journals, bounds)
         log_file = _convert_into_temporary_file(file, fill, journals)
     except BaseException:
@@ -136,7 +144,7 @@ def _convert_into_temporary_file(
 def _decompress_file(file: InputFile, bounds: ReadBounds, target: IO[bytes]) -> None:
     import zstandard
 
-    max_bytes = bounds.max_unpacked_bytes(len(file))
+    max_bytes = bounds.max_unpacked_bytes(file.n_stored_bytes)
     unpacker = zstandard.ZstdDecompressor().stream_reader(
         cast("IO[bytes]", _BlockStream(file)), read_across_frames=True
     )

@@ -19,6 +19,7 @@ from cwcli.logs.codecs.column_buffers import ByteArray, Payloads
 from cwcli.logs.format.chunks import (
     ChunkError,
     check_message_count_against_file_size,
+    check_unchunked_message_count,
     decompress_chunk,
     decompress_cut_chunk_up_to_error,
 )
@@ -306,6 +307,10 @@ class MessageReader:
             size = UNCHUNKED_READ_BYTES
             if len(batch):
                 self._check_data_section_crc(at)
+                n_new = max(len(batch) - self._n_found_in[at], 0)
+                self._n_found_in[at] += n_new
+                self._n_found += n_new
+                check_unchunked_message_count(self._file, self._n_found)
                 yield (at, at + n_bytes), batch
             at += n_bytes
             if status == DAMAGED and not n_bytes:  # at the first record, which may be longer than what was read

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO, NO_LIMIT_BYTES
+from cwcli.errors import InputError
+from cwcli.input import MAX_CHUNK_BYTES, MAX_UNPACKED_TO_STORED_SIZE_RATIO, NO_LIMIT_BYTES, InputFile
 from cwcli.lazy_dataclass import dataclass
 
 BYTES_PER_GIGABYTE = 1_000_000_000
@@ -11,7 +12,8 @@ COPY_BLOCK_BYTES = 1 << 20
 """Bytes that are copied at a time. Chosen by hand."""
 DEFAULT_MAX_INPUT_BYTES_OF_PIPE_OR_URL = 64 * BYTES_PER_GIGABYTE
 """The default limit of bytes read from a pipe or a URL (`--max-input`). Chosen by hand."""
-
+MAX_HOLE_BYTES = BYTES_PER_GIGABYTE
+"""The greatest size of holes that any file may have. Chosen by hand: to read and hash them takes a second or two."""
 DEFAULT_TIMEOUT_S = 60.0
 """The default of `--timeout` in seconds. Chosen by hand: stores answer within seconds."""
 
@@ -38,6 +40,17 @@ class ReadBounds:
         """Return the number of bytes to which a file of `n_bytes` may unpack."""
         by_ratio = self.max_chunk_bytes + min(self.max_ratio * n_bytes, NO_LIMIT_BYTES)
         return int(min(by_ratio, max(self.max_input_bytes, n_bytes)))
+
+    def refuse_holes(self, file: InputFile) -> None:
+        """Refuse a file of holes, whose zeros take time, too.
+
+        Raises:
+            InputError: They are more than the file may unpack to.
+        """
+        n_bytes = len(file) - file.n_stored_bytes
+        if n_bytes > MAX_HOLE_BYTES + self.max_ratio * file.n_stored_bytes:
+            what = f"{n_bytes:,} of its {len(file):,} bytes are a hole"
+            raise InputError(what, where=file.name, hint="--max-ratio reads more")
 
 
 DEFAULT_READ_BOUNDS = ReadBounds()

@@ -25,6 +25,7 @@ def convert_file_of_request(request: dict[str, Any]) -> dict[str, Any]:
     """
     source = SourceFormat(request["format"])
     file = InputFile(request["file"], request["name"])
+    file.n_stored_bytes = request["stored_bytes"]
     journals = None
     if request["journals"] is not None:
         journals = [InputFile(descriptor, name) for descriptor, name in request["journals"]]

@@ -52,7 +52,7 @@ def convert_in_process(
     # a private copy of a database with its journals, and a log of what is in them
     most_bytes = max(bounds.max_input_bytes, sum(map(len, (file, *(journals or ()))))) + BYTES_PER_MEGABYTE
     limits = Limits(
-        cpu_limit_for_file_size_s(len(file)),
+        cpu_limit_for_file_size_s(file.n_stored_bytes),
         most_bytes,
         address_bytes=MAX_PROCESS_MEMORY_BEYOND_START_AND_CHUNK_BYTES + bounds.max_chunk_bytes,
     )
@@ -62,6 +62,7 @@ def convert_in_process(
         "file": file.descriptor,
         "journals": None if journals is None else [(each.descriptor, each.name) for each in journals],
         "target": target.fileno(),
+        "stored_bytes": file.n_stored_bytes,
         "most_bytes": most_bytes,
         "bounds": {each.name: getattr(bounds, each.name) for each in fields(bounds)},
     }

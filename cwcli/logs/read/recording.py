@@ -6,7 +6,7 @@ Format: https://github.com/ros2/rosbag2/blob/rolling/rosbag2_storage/src/rosbag2
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import field
 from pathlib import Path, PurePosixPath
@@ -152,7 +152,8 @@ def open_recording_folder(folder: str, name: str, open_file: Opener, *, as_one: 
             raise InputError(f"the folder holds {len(names)} logs and no {METADATA_FILE_NAME}", where=name, hint=hint)
         return open_parts([prefix + each for each in names], name, open_file)
     listing = read_recording_listing(prefix + METADATA_FILE_NAME)
-    found = {listed: actual_name for listed in listing.files if (actual_name := _find_listed_file(listed, names))}
+    present = frozenset(names)
+    found = {listed: actual_name for listed in listing.files if (actual_name := _find_listed_file(listed, present))}
     if not found:
         if listing.files:
             what = f"none of the {len(listing.files)} logs that its {METADATA_FILE_NAME} lists exists"
@@ -216,7 +217,7 @@ def name_of_joined_log(names: Sequence[str]) -> str:
     return f"{first} and {len(names) - 1} more" if len(names) > 1 else first
 
 
-def _find_listed_file(listed: str, names: Sequence[str]) -> str | None:
+def _find_listed_file(listed: str, names: Collection[str]) -> str | None:
     """Return the file for a listed name, which may have been compressed or decompressed since, or None."""
     stem = listed.removesuffix(".zstd").removesuffix(".zst")
     return next((each for each in (listed, stem, f"{stem}.zstd", f"{stem}.zst") if each in names), None)

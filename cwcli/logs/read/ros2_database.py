@@ -85,7 +85,7 @@ def iter_database_content(
     )
     channel_of = {each.topic_id: each.id for each in usable}
     counts: Counter[int] = Counter()
-    max_bytes = n_left = bounds.max_unpacked_bytes(len(file))
+    max_bytes = n_left = bounds.max_unpacked_bytes(file.n_stored_bytes)
     for row, topic_id, time_ns, data in _iter_message_rows(database, source, recover=bounds.recover):
         counts[topic_id] += 1
         if topic_id not in channel_of:

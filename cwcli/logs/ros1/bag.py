@@ -114,7 +114,7 @@ class BagReader:
         self._bounds = bounds
         self._connections: dict[object, Connection] = {}
         self._types: dict[tuple[str, str], _Type] = {}
-        self._n_left = bounds.max_unpacked_bytes(len(file))
+        self._n_left = bounds.max_unpacked_bytes(file.n_stored_bytes)
         self._indexed_counts: Counter[object] = Counter()
         self._read_counts: Counter[object] = Counter()
         self._is_in_chunk = False
