@@ -71,9 +71,9 @@ MAX_EDGES_PER_ROW = 4
 """Most edges of time steps for each row of an IMU: more come of long pauses alone. Chosen by hand."""
 LAG_OF_IMU_STEP_S, MAX_LAG_OF_IMU_S = 0.25, 4.0
 """Step of the lags of an IMU behind the fixes that are tried, and the longest one to either side, s."""
-HARMLESS_LAG_OF_IMU_RANGE_S = (-1.25, 0.75)
+HARMLESS_LAG_OF_IMU_RANGE_S = (-1.25, 0.5)
 """Range of the lags of an IMU behind the fixes that the search for latencies explains, s. Chosen by hand: fixes may be
-late by a second, and it finds fixes that seem early by half a second."""
+late by a second, and it looks for fixes that are early by at most half a second."""
 SMALLEST_RATIO, SMALLEST_POWER = 1e-3, 1e-12
 """Smallest ratio whose logarithm is taken, and smallest product of two powers by which a correlation is divided."""
 ACCEL_RATIO_RANGE = (0.85, 1.25)
@@ -289,7 +289,8 @@ def lag_of_imu_behind_fixes_s(time_s: FloatArray, values: AccelGyroRows, a: Step
     lags_s = np.arange(-MAX_LAG_OF_IMU_S, MAX_LAG_OF_IMU_S + 0.5 * LAG_OF_IMU_STEP_S, LAG_OF_IMU_STEP_S)
     within = (a.edges_s[:-2] - MAX_LAG_OF_IMU_S > time_s[0]) & (a.edges_s[2:] + MAX_LAG_OF_IMU_S < time_s[-1])
     likelihood, best_correlation = np.zeros(len(lags_s)), np.zeros(len(lags_s))
-    for k, wanted in ((0, a.fixes.speed_change_to_next_step_mps), (5, a.fixes.turn_rad)):
+    motion = compute_step_motion_by_source(_average_fixes_over_half_steps(a), a.edges_s)
+    for k, wanted in ((0, motion.speed_change_to_next_step_mps), (5, motion.turn_rad)):
         rows = within & np.isfinite(wanted)
         n = int(rows.sum())
         if n < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
@@ -311,6 +312,17 @@ def lag_of_imu_behind_fixes_s(time_s: FloatArray, values: AccelGyroRows, a: Step
         and likelihood[best] - likelihood[harmless].max() > MIN_LOG_LIKELIHOOD_GAIN_OF_HYPOTHESIS
     )
     return float(lags_s[best]) if is_clear else math.nan
+
+
+def _average_fixes_over_half_steps(a: StepAccelerations) -> SensorSeries:
+    """Return the fixes, each the mean over half a step about it: of ten a second, one alone is needlessly noisy."""
+    fixes, quarter_s = a.fixes.series, 0.25 * float(a.edges_s[1] - a.edges_s[0])
+    edges_s = np.clip([fixes.time_s - quarter_s, fixes.time_s + quarter_s], fixes.time_s[0], fixes.time_s[-1])
+    values = [
+        np.diff(np.interp(edges_s, fixes.time_s, trapezoidal_integral(fixes.time_s, column)), axis=0)[0]
+        for column in fixes.values.T
+    ]
+    return replace(fixes, values=np.column_stack(values) / np.diff(edges_s, axis=0).T)
 
 
 def _correction_of_lag(m: Measurements, lag_s: float, n_lost: int) -> Correction:

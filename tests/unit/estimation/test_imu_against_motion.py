@@ -124,6 +124,19 @@ def test_fixes_that_are_early_beside_all_others_move_none_of_these() -> None:
     assert any("1.5 s earlier in its fixes" in each.what for each in judged.contradictions)
 
 
+@pytest.mark.parametrize(("early_s", "told"), [(1.0, True), (0.5, False), (-1.0, False)])
+def test_noisy_fixes_of_a_second_ahead_are_named_and_what_the_search_for_latencies_finds_is_not(
+    early_s: float, told: bool
+) -> None:
+    """Of ten fixes a second all are used, so that a noise of 0.5 m hides no second."""
+    lean = variants(measurements_of(simulated("city", 30202)))["lean"]
+    shift_ns = round(early_s * 1e9) * np.array([m.kind is Kind.POSITION for m in lean])
+    moved = [replace(m, stamp_ns=m.stamp_ns - shift) for m, shift in zip(lean, shift_ns.tolist(), strict=True)]
+    assert [each.what[:65] for each in judged(moved).contradictions] == [
+        "the same turns and changes of speed come about 1.0 s earlier in i"
+    ] * told
+
+
 def _drive_with_lever_arm_and_late_fixes(
     speed_mps: np.ndarray, yaw_rate_radps: np.ndarray, lever_arm_m: float = 0.0, late_s: float = 0.0
 ) -> list[Measurements]:
