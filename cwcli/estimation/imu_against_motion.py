@@ -115,7 +115,7 @@ def correct_imus_and_find_contradictions_of_motion(
     prepared: Sequence[PreparedSeries],
     trusted: Collection[str] = (),
 ) -> tuple[list[Measurements], list[Correction], list[Contradiction]]:
-    """Return the measurements with level IMUs in place and in scale, what was corrected, and wrong maps and clocks.
+    """Return the measurements with level IMUs put right, what was corrected, and wrong maps, clocks and gyroscopes.
 
     Args:
         measurements: Measurements.
@@ -162,7 +162,7 @@ def correct_imus_and_find_contradictions_of_motion(
         elif found is None and is_gravity_right and _is_ratio_suspicious(low, high):
             # A speed may be wrong itself.
             without_speed = [s for s in helpers if s.kind is not Kind.SPEED]
-            contradictions += _contradictions_of_map(time_s, m.select_rows(rows), fixes, without_speed)
+            contradictions += _contradictions_of_map_or_gyroscope(time_s, m.select_rows(rows), fixes, without_speed)
         if found is not None:
             corrections.append(correction_of_all_rows(m, *found))
             corrected[-1] = found[0].correct_measurements(m)
@@ -183,10 +183,13 @@ def _is_ratio_suspicious(low: float, high: float) -> bool:
     return abs(math.log(max(low, SMALLEST_RATIO) * high)) > 2.0 * math.log(MAX_UNSUSPICIOUS_RATIO)
 
 
-def _contradictions_of_map(
+def _contradictions_of_map_or_gyroscope(
     time_s: FloatArray, imu: Measurements, fixes: SensorSeries, turning: Sequence[SensorSeries]
 ) -> list[Contradiction]:
-    """Return the contradiction of fixes whose map has another scale, in one direction or all, or nothing.
+    """Return the contradiction of fixes whose map, or of a gyroscope whose turn rate, has another scale, or nothing.
+
+    Of speed times turn rate a gyroscope makes the same as a map would; so a map has to show without it, too: in forward
+    accelerations and turns of the fixes alone. Else the gyroscope is named.
 
     Args:
         time_s, imu: Rows of the IMU, whose gravity is right.
@@ -199,20 +202,32 @@ def _contradictions_of_map(
         a = compute_step_accelerations(time_s, imu.values, [on_map, *turning], edges_s)
         return None if a is None else (a.measured, a.reference)
 
-    a = compute_step_accelerations(time_s, imu.values, [fixes, *turning])
-    low, high = (math.nan, math.nan) if a is None else bounds_of_ratio(a)
+    def bounds_by(others: Sequence[SensorSeries]) -> tuple[float, float]:
+        a = compute_step_accelerations(time_s, imu.values, others)
+        return (math.nan, math.nan) if a is None else bounds_of_ratio(a)
+
+    low, high = bounds_by([fixes, *turning])
     stretch = stretch_of_map_or_nan(fixes, measured_and_reference) if _is_ratio_suspicious(low, high) else math.nan
+    who, doubt = SourceQuantity(fixes.source, Kind.POSITION), ""
+    range_text = f"{1.0 / high:.2f} to {1.0 / max(low, SMALLEST_RATIO):.2f} times as far as"
     if math.isfinite(stretch):
         how = f"{stretch:.2g} times as far to the east as to the north, beside what"
-    elif high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]:
-        how = f"{1.0 / high:.2f} to {1.0 / max(low, SMALLEST_RATIO):.2f} times as far as"
-    else:
+    elif not (high < ACCEL_RATIO_RANGE[0] or low > ACCEL_RATIO_RANGE[1]):
         return []
+    else:
+        low, high = bounds_by([fixes]) if turning else (low, high)
+        if low <= 1.0 <= high:
+            what = f"it turns {range_text} the accelerations of {imu.source} and the speed of the fixes show"
+            gyroscope, accelerometer = (SourceQuantity(imu.source, kind) for kind in (Kind.YAW_RATE, Kind.ACCEL))
+            return [Contradiction(gyroscope, who, what, (accelerometer,), (gyroscope,), explains_misfits=True)]
+        # Noise of the fixes alone may hide both.
+        doubt = ", unless it turns by another scale" if math.isnan(low) else ""
+        how = range_text
     what = (
         f"its fixes, and what agrees with them, move {how} the accelerations of {imu.source} show, whose gravity is "
-        "right: check its unit and its map"
+        f"right{doubt}: check its unit and its map"
     )
-    return [Contradiction(SourceQuantity(fixes.source, Kind.POSITION), CAR_MOTION_TEXT, what, explains_misfits=True)]
+    return [Contradiction(who, CAR_MOTION_TEXT, what, explains_misfits=True)]
 
 
 def _accel_scale_hypothesis(gravity_g: float) -> Hypothesis:

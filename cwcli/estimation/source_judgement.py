@@ -157,11 +157,17 @@ def judge_sources(
     current, turned_imus, wrong_maps = correct_imus_and_find_contradictions_of_motion(current, voted.prepared, trusted)
     current, slipping = set_speeds_aside_in_bends(current, voted.prepared, trusted)
     current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
-    if turned_imus or slipping or scaled:
+    unused |= (wrong_gyroscopes := {who for each in wrong_maps for who in each.left_out})
+    if turned_imus or slipping or scaled or wrong_gyroscopes:
         corrections += [*turned_imus, *slipping, *scaled]
         prepare_and_vote_again()
-    unchecked = find_unchecked_quantities(voted.prepared, voted.comparisons)
-    return JudgedSources(voted.prepared, notes, tuple(corrections), (*wrong_maps, *voted.contradictions), unchecked)
+    return JudgedSources(
+        voted.prepared,
+        notes,
+        tuple(corrections),
+        (*wrong_maps, *voted.contradictions),
+        find_unchecked_quantities(voted.prepared, voted.comparisons),
+    )
 
 
 def _does_any_heading_jump(prepared: Sequence[PreparedSeries]) -> bool:

@@ -53,6 +53,17 @@ def test_a_map_of_another_scale_is_named_where_gravity_shows_that_of_the_acceler
     assert found.left_out == ()
 
 
+@pytest.mark.parametrize("scale", [0.5, 2.0])
+def test_a_gyroscope_of_another_scale_blames_no_map_in_a_drive_with_few_turns(scale: float) -> None:
+    """Speed times turn rate is the lateral acceleration; the turns of the fixes show which of the two is wrong."""
+    lean = variants(measurements_of(simulated("curve", 30153)))["lean"]
+    found = judged(_with_fault(lean, Kind.IMU, lambda v: v * np.repeat([1.0, scale], 3))).contradictions
+    assert [str(each.who) for each in found] == ["imu yaw rate (imu)"]
+    for wrong in (0.6, 1.5):
+        found = judged(_with_fault(lean, Kind.POSITION, lambda v, wrong=wrong: v * wrong)).contradictions
+        assert [str(each.who) for each in found] == ["ego_position (gnss)"]
+
+
 @pytest.mark.parametrize("seed", [30117, 30202])
 def test_a_stretch_to_the_east_shows_in_one_coarse_fix_a_second(seed: int) -> None:
     """As where degrees of longitude are not multiplied by their cosine, at 48 degrees north."""
