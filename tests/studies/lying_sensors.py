@@ -45,7 +45,15 @@ from cwcli.simulation.scenario import EGO_VEHICLE_KEY, load_scenario
 from cwcli.stages.estimate import EGO_SENSOR_ROLES, _collect_ego_measurements, _map_at_first_fix_unless_cartesian
 from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from tests.studies import sensor_faults
-from tests.studies.sensor_faults import FAULTS, LATER_FAULTS, ROAD_FAULTS, SOFTWARE_FAULTS, VEHICLE_FAULTS, Fault
+from tests.studies.sensor_faults import (
+    FAULTS,
+    LATER_FAULTS,
+    RECEIVER_FAULTS,
+    ROAD_FAULTS,
+    SOFTWARE_FAULTS,
+    VEHICLE_FAULTS,
+    Fault,
+)
 from tests.studies.sensor_model import measurements_of
 from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
 
@@ -362,7 +370,7 @@ def main() -> None:
         sys.exit(0 if check_without_fault(list(dict.fromkeys(every)), seeds, options.logs) else 1)
     chosen = [
         fault
-        for fault in (*FAULTS, *LATER_FAULTS, *ROAD_FAULTS, *SOFTWARE_FAULTS, *VEHICLE_FAULTS)
+        for fault in (*FAULTS, *LATER_FAULTS, *ROAD_FAULTS, *SOFTWARE_FAULTS, *VEHICLE_FAULTS, *RECEIVER_FAULTS)
         if fault.is_kept_aside is options.kept_aside
         and (not options.faults or any(part in fault.name for part in options.faults))
     ]

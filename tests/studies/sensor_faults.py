@@ -232,6 +232,26 @@ def exchanged_degrees(_: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.column_stack([values[:, 1] * np.cos(np.radians(11.0)), values[:, 0] / stretch])
 
 
+def late_by_a_ramp(most_s: float, every_s: float) -> Rewrite:
+    """Stamps that fall behind, and catch up at once; none is before the one of the row before."""
+
+    def rewrite(m: Measurements) -> list[Measurements]:
+        late_s = ((m.stamp_ns - m.stamp_ns[0]) / 1e9) % every_s / every_s * most_s
+        return [replace(m, stamp_ns=np.maximum.accumulate(m.stamp_ns + (late_s * 1e9).astype(np.int64)))]
+
+    return rewrite
+
+
+def held_below(limit_mps: float) -> Change:
+    """The last value of a faster drive, as where a receiver holds its fix still."""
+
+    def change(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+        slow = np.interp(time_s, *STANDING_SPEED) < limit_mps
+        return values[np.maximum.accumulate(np.where(slow, 0, np.arange(len(values))))]
+
+    return change
+
+
 def partly(change: Change, begin: float, end: float = 1.0) -> Change:
     """A change between two shares of the log alone."""
 
@@ -763,3 +783,16 @@ VEHICLE_FAULTS = (
 )  # fmt: skip
 """Faults of a vehicle's wiring and restarts, thought of when a fault in a part of the log was judged by itself. What is
 not a number, or rounded to 0 by less than 5 km/h, is no lie and may not do harm."""
+
+RECEIVER_FAULTS = (
+    Fault("speed 255 km/h in 2 % of rows", Kind.SPEED, lambda _, v: np.where(np.random.default_rng(13).random(v.shape) < 0.02, 255 / 3.6, v), ("ego_speed",)),
+    Fault("gyro warms up by 0.04 rad/s", Kind.IMU, lambda t, v: v + np.outer(1.0 - np.exp(-t / 60.0), [0, 0, 0, 0, 0, 0.04]), ("yaw rate",)),
+    Fault("fix in Web Mercator", Kind.POSITION, scaled(1.4945), ("ego_position", "gnss is wrong"), is_drift=True),
+    Fault("fix north in degrees and minutes", Kind.POSITION, lambda _, v: v * np.array([1.0, 0.6]), ("ego_position",)),
+    Fault("fix held below 2 m/s", Kind.POSITION, held_below(2.0), ("ego_position (gnss) contradicts", "stuck")),
+    Fault("fix 1 s early", Kind.POSITION, unchanged, ("latency", "ego_position"), rewrite=late_by(-1.0)),
+    Fault("fix late by 0 to 2 s, in ramps", Kind.POSITION, unchanged, ("stamps", "latency"), rewrite=late_by_a_ramp(2.0, 20.0)),
+    Fault("fix north 1 s older than east", Kind.POSITION, only(lagging(1.0), 1), ("ego_position (gnss) contradicts",)),
+)  # fmt: skip
+"""Faults of receivers and of what takes their place, thought of last. Fixes held while slow, late by ramps, and of two
+ages are said to wander at best."""
