@@ -59,8 +59,8 @@ def test_a_gyroscope_of_another_scale_blames_no_map_in_a_drive_with_few_turns(sc
     lean = variants(measurements_of(simulated("curve", 30153)))["lean"]
     found = judged(_with_fault(lean, Kind.IMU, lambda v: v * np.repeat([1.0, scale], 3))).contradictions
     assert [str(each.who) for each in found] == ["imu yaw rate (imu)"]
-    for wrong in (0.6, 1.5):
-        found = judged(_with_fault(lean, Kind.POSITION, lambda v, wrong=wrong: v * wrong)).contradictions
+    for wrong_map in (lambda v: 0.6 * v, lambda v: 1.5 * v):
+        found = judged(_with_fault(lean, Kind.POSITION, wrong_map)).contradictions
         assert [str(each.who) for each in found] == ["ego_position (gnss)"]
 
 
