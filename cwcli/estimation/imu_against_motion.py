@@ -376,12 +376,12 @@ def compute_step_accelerations(
         others: Series of fixes first, then of speeds and of the IMU's own yaw rate.
         edges_s: Edges of the steps; None: as the noise of the fixes needs them.
     """
+    motions: list[StepMotion] = []
     if edges_s is None:
         motions, edges_s = step_motions_and_edges_for_evidence(others)
-    else:
-        motions = [compute_step_motion_by_source(s, edges_s) for s in others]
     if len(edges_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES + 3 or len(time_s) < MIN_TIME_STEPS_WITH_IMU_AND_FIXES:
         return None
+    motions = motions or [compute_step_motion_by_source(s, edges_s) for s in others]
     forward, left, rate = values[:, 0], values[:, 1], values[:, 5]
     integrals = (*(trapezoidal_integral(time_s, column) for column in (forward, left, -(rate**2))), rate)
     integral = np.column_stack([means_between_edges(time_s, column, edges_s) for column in integrals])
@@ -468,7 +468,7 @@ def bounds_of_ratio(a: StepAccelerations) -> tuple[float, float]:
     """
     own, other = a.measured.ravel(), a.reference.ravel()
     own_power, other_power, dot = float(own @ own), float(other @ other), float(own @ other)
-    if dot < MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(own_power * other_power):
+    if not dot > MIN_CORRELATION_OF_IMU_AND_FIX_ACCELERATIONS * math.sqrt(own_power * other_power):
         return math.nan, math.nan
     on_other, on_own = dot / other_power, own_power / dot
     sigma = math.sqrt(max(own_power - on_other * dot, 0.0) / (len(own) - 1) / other_power)
