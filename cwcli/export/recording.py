@@ -71,8 +71,11 @@ def encode_recording(log: Log, path: str) -> bytes:
     topics_of_log = _require_states_and_get_topics(log)
     import rerun as rr
 
-    recording = rr.RecordingStream("cwcli")
+    # The id and the start are of the log, neither random nor of the clock: a recording made again holds the same.
+    recording = rr.RecordingStream("cwcli", recording_id=log.begin_sha256().result(), send_properties=False)
     memory = recording.memory_recording()
+    rr.set_log_time_enabled(False, recording)
+    rr.send_recording_start_time_nanos(log.start_ns, recording)
     recording.send_blueprint(_make_blueprint(), make_active=False)
     _send_log(recording, log, path, topics_of_log)
     return bytes(memory.drain_as_bytes())

@@ -28,6 +28,8 @@ from cwcli.logs.read.reader import Log
 ROOT = Path(__file__).parents[2]
 TIMEOUT_S = 600
 TIMELINE = "message_log_time"
+ROW_ID = "rerun.controls.RowId"
+"""Rerun's column of ids that hold the time of the clock and a random number."""
 ATOL_DEG = 1e-12
 
 Run = Callable[..., CompletedProcess[bytes]]
@@ -192,6 +194,30 @@ def test_view_draws_paths_and_speeds(annotated: Path, recorded: Path) -> None:
     assert np.allclose([[point[0] for point in strip[0]] for strip in strips], x_m, rtol=0, atol=1e-4)
     assert len(found["/speed/d9583520"]["Scalars:scalars"]) == 201
     assert len(found["/cwcli/log"]["TextLog:text"]) == 2
+
+
+def rows_but_for_their_ids(path: Path) -> tuple[str, list[str]]:
+    """The recording's id, and its rows in an order of their own: Rerun imports a log's channels in threads."""
+    reader = RrdReader(str(path))
+    [recording] = reader.recordings()
+    rows = []
+    for chunk in reader.stream(store=recording):
+        batch = chunk.to_record_batch().drop_columns([ROW_ID])
+        rows += [f"{chunk.entity_path} {row}" for row in batch.to_pylist()]
+    return recording.recording_id, sorted(rows)
+
+
+def test_two_recordings_of_a_log_hold_the_same_and_no_time_of_the_clock(annotated: Path, recorded: Path) -> None:
+    """The bytes differ in the ids that Rerun gives to rows, chunks and layouts (docs/viewers.md)."""
+    again = recorded.with_name("again.rrd")
+    command = [sys.executable, "-m", "cwcli", "view", str(annotated), "-o", str(again)]
+    run_tool(command, rerun_environment(recorded.parent))
+    assert rows_but_for_their_ids(again) == rows_but_for_their_ids(recorded)
+    with Log.open(annotated) as log:
+        first_ns = log.start_ns
+    found = read_recording(recorded)
+    assert found["/__properties"]["RecordingInfo:start_time"] == [[first_ns]]
+    assert [entity for entity, columns in found.items() if "log_time" in columns] == []
 
 
 def test_main_view_draws_the_paths_and_the_ego(recorded: Path) -> None:
