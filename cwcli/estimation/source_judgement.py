@@ -139,8 +139,12 @@ def judge_sources(
             break
         apply_correction_attempt(attempt)
 
-    def prepare_and_vote_again() -> None:
+    def apply_and_vote_again(found: Sequence[Correction], left_out: Collection[SourceQuantity] = ()) -> None:
         nonlocal prepared, notes, voted
+        if not found and not left_out:
+            return
+        corrections.extend(found)
+        unused.update(left_out)
         prepared, notes = prepare(current)
         voted = leave_out_outvoted_sources(
             [replace(p, series=emptied_series(p.series)) if quantity_of_series(p) in unused else p for p in prepared],
@@ -151,16 +155,11 @@ def judge_sources(
         current, in_part = correct_and_list_sources_that_change(
             current, voted.prepared, prepare, trusted, sets_aside=True
         )
-        if in_part:
-            corrections += in_part
-            prepare_and_vote_again()
+        apply_and_vote_again(in_part)
     current, turned_imus, wrong_maps = correct_imus_and_find_contradictions_of_motion(current, voted.prepared, trusted)
-    current, slipping = set_speeds_aside_in_bends(current, voted.prepared, trusted)
-    current, scaled = correct_and_list_scaled_speeds(current, voted.prepared, trusted)
-    unused |= (wrong_gyroscopes := {who for each in wrong_maps for who in each.left_out})
-    if turned_imus or slipping or scaled or wrong_gyroscopes:
-        corrections += [*turned_imus, *slipping, *scaled]
-        prepare_and_vote_again()
+    apply_and_vote_again(turned_imus, [who for each in wrong_maps for who in each.left_out])
+    current, wrong_speeds = _correct_and_list_speeds(current, voted.prepared, trusted)
+    apply_and_vote_again(wrong_speeds)
     return JudgedSources(
         voted.prepared,
         notes,
@@ -168,6 +167,15 @@ def judge_sources(
         (*wrong_maps, *voted.contradictions),
         find_unchecked_quantities(voted.prepared, voted.comparisons),
     )
+
+
+def _correct_and_list_speeds(
+    measurements: Sequence[Measurements], prepared: Sequence[PreparedSeries], trusted: Collection[str]
+) -> tuple[list[Measurements], list[Correction]]:
+    """Return the measurements with rows of speeds in bends set aside, and speeds scaled as on straight roads."""
+    corrected, slipping, without_slip = set_speeds_aside_in_bends(measurements, prepared, trusted)
+    corrected, scaled = correct_and_list_scaled_speeds(corrected, without_slip, trusted)
+    return corrected, [*slipping, *scaled]
 
 
 def _does_any_heading_jump(prepared: Sequence[PreparedSeries]) -> bool:

@@ -22,7 +22,7 @@ from cwcli.estimation.slow_accel import speed_changes_of_lever_arm
 from cwcli.estimation.source_checks import MIN_ROWS_OF_COMPARED_SOURCE
 from cwcli.estimation.step_motion import compute_step_motion_by_source, means_between_edges, step_edges_s
 from cwcli.lazy_dataclass import dataclass, replace
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import BoolArray, FloatArray
 from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION
 
 BEND_STEP_S = 0.5
@@ -59,11 +59,25 @@ class ExcessInBends:
         """Whether neither chance nor steered wheels explain it."""
         return abs(self.value) - MIN_EXCESS_SIGMAS * self.sigma > MIN_EXCESS_IN_BENDS
 
+    def is_in_bend(self, time_s: FloatArray) -> BoolArray:
+        """Return a mask (n,) of the times (n,), s, in bends and shortly before and behind them."""
+        return np.asarray(
+            np.abs(np.interp(time_s, self.middle_s, self.turn_rate_radps)) > 0.5 * MIN_TURN_RATE_OF_BEND_RADPS
+        )
+
+    def subtract_from(self, speed: SensorSeries) -> SensorSeries:
+        """Return a speed without the excess."""
+        share = np.where(self.is_in_bend(speed.time_s), self.value, 0.0)
+        return replace(speed, values=speed.values * (1.0 - share)[:, None])
+
 
 def set_speeds_aside_in_bends(
     measurements: Sequence[Measurements], prepared: Sequence[PreparedSeries], trusted: Collection[str]
-) -> tuple[list[Measurements], list[Correction]]:
+) -> tuple[list[Measurements], list[Correction], list[PreparedSeries]]:
     """Return the measurements with the rows in bends not measured of speeds that read more or less there.
+
+    Returned are also what was set aside, and the series with the excess taken off these rows, so that a mean over them
+    is that of the straight roads.
 
     Args:
         measurements: Measurements.
@@ -77,6 +91,7 @@ def set_speeds_aside_in_bends(
     speeds = {s.source: s for s in usable if s.kind is Kind.SPEED and s.source not in trusted}
     found: list[Measurements] = []
     corrections: list[Correction] = []
+    without_excess = list(prepared)
     for m in measurements:
         found.append(m)
         if m.kind is not Kind.SPEED or m.source not in speeds or fixes is None or accel is None or turning is None:
@@ -85,8 +100,7 @@ def set_speeds_aside_in_bends(
         if excess is None or not excess.is_clear:
             continue
         time_s = seconds_since_zero_time(m.stamp_ns, earliest_stamp_ns(measurements))
-        rate = np.interp(time_s, excess.middle_s, excess.turn_rate_radps)
-        rows = (np.abs(rate) > 0.5 * MIN_TURN_RATE_OF_BEND_RADPS) & np.isfinite(m.values[:, 0])
+        rows = excess.is_in_bend(time_s) & np.isfinite(m.values[:, 0])
         found[-1] = replace(m, values=np.where(rows[:, None], np.nan, m.values))
         n = int(rows.sum())
         fault = (
@@ -95,7 +109,11 @@ def set_speeds_aside_in_bends(
         evidence = f"+- {excess.sigma:.3f} by accelerations of {accel.source}"
         who = SourceQuantity(m.source, m.kind)
         corrections.append(Correction(who, "bends", fault, f"{n} rows set aside", evidence, n_set_aside=n))
-    return found, corrections
+        without_excess = [
+            replace(p, series=excess.subtract_from(p.series)) if p.series is speeds[m.source] else p
+            for p in without_excess
+        ]
+    return found, corrections, without_excess
 
 
 def find_excess_in_bends(

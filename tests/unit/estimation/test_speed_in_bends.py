@@ -34,6 +34,16 @@ def test_a_speed_that_differs_in_bends_is_named_and_set_aside_there(factor: floa
     assert not np.isin(speed.time_s, TIME_S[YAW_RATE != 0.0]).any()
 
 
+@pytest.mark.parametrize(("in_bends", "everywhere"), [(1.1, 1.1), (1.05, 1.15), (1.2, 0.9)])
+def test_a_speed_that_slips_is_scaled_as_on_straight_roads(in_bends: float, everywhere: float) -> None:
+    both = _with_fault(_slipping(in_bends), Kind.SPEED, lambda v: everywhere * v)
+    slipping, scaled = _judge(both).corrections
+    assert (slipping.name, scaled.name) == ("bends", "scaled")
+    told = re.match(r"reads (\d\.\d+) times the way between the fixes", scaled.fault)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(everywhere, abs=0.003)
+
+
 def test_a_trusted_speed_keeps_its_rows() -> None:
     assert _judge(_slipping(1.05), trusted={"/speed"}).corrections == ()
 
