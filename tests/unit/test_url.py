@@ -32,6 +32,7 @@ from cwcli.url import display_name_of_url, redact_url, redact_urls
         ("simplecache::https://u:p@host/a.mcap?t=1", "simplecache::https://***@host/a.mcap?***"),
         ("zip://in.mcap::https://u:p@host/a.zip?t=1", "zip://in.mcap::https://***@host/a.zip?***"),
         ("https://host/?from=https://u:p@other/x", "https://host/?***"),
+        ("a://" * 15_000 + "u:p@host/x", "a://" * 15_000 + "***@host/x"),
     ],
 )
 def test_a_url_is_shown_without_its_secrets(url: str, shown: str) -> None:
@@ -44,6 +45,8 @@ def test_words_of_others_lose_the_secrets_of_their_urls() -> None:
     words = f"403, url='{url}' (https://other/x?token=1), next: p@ss, ab/cd, 'e f', ab%2Fcd."
     expected = "403, url='https://***@host/a.mcap?***' (https://other/x?***), next: ***, ***, '***', ***."
     assert redact_urls(words, url) == expected
+    # as a header carries them: RFC 7617, section 2
+    assert redact_urls("QWxhZGRpbjpvcGVuIHNlc2FtZQ==", "https://Aladdin:open%20sesame@host/x") == "***=="
     assert redact_urls("no URL: a?b=c#d e@f", "drive.mcap") == "no URL: a?b=c#d e@f"
 
 

@@ -9,18 +9,17 @@ Sources: https://www.rfc-editor.org/rfc/rfc9110, sections 8.4 (encodings), 8.8.3
 
 from __future__ import annotations
 
-import base64
 import http.client
 import re
 import urllib.request
 import zlib
 from collections.abc import Callable, Iterator
 from typing import IO, Any
-from urllib.parse import unquote, urljoin, urlsplit, urlunsplit
+from urllib.parse import urljoin, urlsplit, urlunsplit
 
 from cwcli.errors import InputError
 from cwcli.logs.read.read_bounds import ReadBounds
-from cwcli.url import display_name_of_url, redact_url
+from cwcli.url import display_name_of_url, encode_credentials, redact_urls
 
 HTTP_BLOCK_BYTES = 1 << 18
 """Bytes that are read at a time, at most. Chosen by hand."""
@@ -30,6 +29,8 @@ MAX_DOWNLOAD_RESUMPTIONS = 3
 """How often a body that breaks off is asked for again. Chosen by hand."""
 MAX_SHOWN_URL_CHARS = 200
 """The number of characters of a redirect's target that an error shows. Chosen by hand."""
+MAX_SHOWN_ENCODING_CHARS = 40
+"""The number of characters of an encoding's name that an error shows. Chosen by hand."""
 WEB_SCHEMES = ("http", "https")
 """The schemes that are read here, and to which redirects may lead."""
 ZLIB_WINDOW_BITS_OF_ANY_STREAM = zlib.MAX_WBITS | 32
@@ -54,7 +55,8 @@ def iter_http_blocks(url: str, bounds: ReadBounds) -> Iterator[bytes]:
         elif encoding in ("identity", ""):
             yield from _iter_body_resuming(url, response, bounds)
         else:
-            what = f"the server sends it in the encoding {encoding[:40]!r}, which is not read"
+            shown = redact_urls(encoding, url)[:MAX_SHOWN_ENCODING_CHARS]
+            what = f"the server sends it in the encoding {shown!r}, which is not read"
             raise InputError(what, where=display_name_of_url(url), hint="copy the log to this machine")
 
 
@@ -136,9 +138,16 @@ def _iter_unpacked_body(blocks: Iterator[bytes], url: str, bounds: ReadBounds) -
 
 
 class _Redirects(urllib.request.HTTPRedirectHandler):
-    """Follows redirects that keep their promise."""
+    """Follows redirects that keep their promise.
+
+    Args:
+        url: The URL as the user gave it. An error names it, and shows none of its secrets.
+    """
 
     max_redirections = max_repeats = MAX_REDIRECTS
+
+    def __init__(self, url: str) -> None:
+        self._url = url
 
     def redirect_request(
         self, req: urllib.request.Request, fp: IO[bytes], code: int, msg: str, headers: Any, newurl: str
@@ -147,10 +156,7 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         target = urlsplit(urljoin(req.full_url, newurl))
         is_less_safe = urlsplit(req.full_url).scheme == "https" and target.scheme != "https"
         if target.scheme not in WEB_SCHEMES or is_less_safe:
-            shown = redact_url(newurl)[:MAX_SHOWN_URL_CHARS]
-            raise InputError(
-                f"the server redirects to {shown}, which is not followed", where=display_name_of_url(req.full_url)
-            )
+            raise self._unfollowed_error(newurl)
         following = super().redirect_request(req, fp, code, msg, headers, newurl)
         if following is not None and target.netloc != urlsplit(req.full_url).netloc:
             following.headers.pop("Authorization", None)
@@ -161,16 +167,18 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
         location = headers.get("location") or headers.get("uri") or ""
         target = urlsplit(urljoin(req.full_url, location))
         if location and target.scheme not in WEB_SCHEMES:
-            shown = redact_url(location)[:MAX_SHOWN_URL_CHARS]
-            raise InputError(
-                f"the server redirects to {shown}, which is not followed", where=display_name_of_url(req.full_url)
-            )
+            raise self._unfollowed_error(location)
         visited = getattr(req, "redirect_dict", {})
         if sum(visited.values()) >= MAX_REDIRECTS:
             raise InputError(
-                f"the server redirects more than {MAX_REDIRECTS} times", where=display_name_of_url(req.full_url)
+                f"the server redirects more than {MAX_REDIRECTS} times", where=display_name_of_url(self._url)
             )
         return super().http_error_302(req, fp, code, msg, headers)
+
+    def _unfollowed_error(self, target: str) -> InputError:
+        shown = redact_urls(target, self._url)[:MAX_SHOWN_URL_CHARS]
+        what = f"the server redirects to {shown}, which is not followed"
+        return InputError(what, where=display_name_of_url(self._url))
 
     http_error_301 = http_error_303 = http_error_307 = http_error_308 = http_error_302
 
@@ -182,20 +190,15 @@ def _request_url(url: str, timeout_s: float, headers: dict[str, str] | None = No
     plain = urlunsplit((parts.scheme, host, parts.path, parts.query, ""))
     request = urllib.request.Request(plain, headers={"Accept-Encoding": "identity", **(headers or {})})
     if at:
-        request.add_unredirected_header("Authorization", f"Basic {_base64_credentials(user)}")
+        request.add_unredirected_header("Authorization", f"Basic {encode_credentials(user)}")
     opener = urllib.request.OpenerDirector()
     handlers: list[Callable[[], urllib.request.BaseHandler]] = [
         urllib.request.HTTPHandler,
         urllib.request.HTTPSHandler,
         urllib.request.HTTPDefaultErrorHandler,
         urllib.request.HTTPErrorProcessor,
-        _Redirects,
     ]
     for each in handlers:
         opener.add_handler(each())
+    opener.add_handler(_Redirects(url))
     return opener.open(request, timeout=timeout_s)
-
-
-def _base64_credentials(user: str) -> str:
-    name, _, password = user.partition(":")
-    return base64.b64encode(f"{unquote(name)}:{unquote(password)}".encode()).decode("ascii")

@@ -15,6 +15,8 @@ from cwcli.url import display_name_of_url, redact_url, redact_urls
 
 MAX_EXAMINED_ERRORS_OF_CHAIN = 20
 """The greatest number of errors of one chain that are examined; a chain may lead back to itself. Chosen by hand."""
+MAX_SHOWN_CHARS_OF_ERROR = 300
+"""The number of characters of the words of a server or library that are shown. Chosen by hand."""
 HTTP_NOT_ALLOWED, HTTP_NO_SUCH_FILE, HTTP_TRY_LATER = {401, 403, 407}, {404, 410}, {408, 425, 429}
 """The status codes of HTTP by their meaning for a reader (https://www.rfc-editor.org/rfc/rfc9110#section-15)."""
 HTTP_SERVER_ERRORS = range(500, 600)
@@ -57,7 +59,7 @@ def unreadable_url_error(url: str, error: BaseException) -> InputError:
     reason = _reason_from_connection_errors(chain)
     if status is not None and reason != "broken off":  # which aiohttp calls status 400
         reason = _reason_from_http_status(status)
-    words = redact_urls(" ".join(str(error).split()), url) or type(error).__name__
+    words = redact_urls(" ".join(str(error).split()), url)[:MAX_SHOWN_CHARS_OF_ERROR] or type(error).__name__
     detail = f" (status {status})" if status is not None and reason != "broken off" else ""
     if reason is None and isinstance(error, FileNotFoundError) and _is_only_the_file_name(words, redact_url(url)):
         words = "the server does not send it"

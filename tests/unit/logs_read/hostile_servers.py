@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import gzip
 import socket
 import threading
@@ -14,6 +15,8 @@ Answer = Callable[[socket.socket, str, int], None]
 """Answers a request: the connection, the head of the request, and how many came before it."""
 MAGIC = b"\x89MCAP0\r\n"
 SECRET = "pl4nt3d"
+SECRETS = SECRET, SECRET[:-2], base64.b64encode(f"{SECRET}:{SECRET}".encode()).decode()
+"""As it is, cut, and as a request carries user and password."""
 
 
 def head(status: str = "200 OK", **fields: str) -> bytes:
@@ -95,6 +98,16 @@ def redirect(location: str, status: str = "302 Found") -> Answer:
     return send(head(status, Location=location, Content_Length="0"))
 
 
+def redirect_to_header(connection: socket.socket, asked: str, number: int) -> None:
+    credentials = asked.partition("Authorization: Basic ")[2].partition("\r\n")[0]
+    connection.sendall(head("302 Found", Location=f"ftp://127.0.0.1/{credentials}", Content_Length="0"))
+
+
+def redirect_to_twice_the_path(connection: socket.socket, asked: str, number: int) -> None:
+    path = asked.split()[1].partition("?")[0]
+    connection.sendall(head("302 Found", Location=f"{path * 8}?sig={SECRET}", Content_Length="0"))
+
+
 def redirect_farther(connection: socket.socket, asked: str, number: int) -> None:
     connection.sendall(head("302 Found", Location=f"/{number}", Content_Length="0"))
 
@@ -161,6 +174,14 @@ HOSTILE_SERVERS: dict[str, tuple[Answer, str]] = {
     "redirects to ftp": (redirect("ftp://127.0.0.1/x"), "redirects to ftp://127.0.0.1/x, which is not followed"),
     "redirects to data": (redirect("data:text/plain,x"), "which is not followed"),
     "redirects to nowhere": (redirect("http://127.0.0.1:1/", "307 Temporary Redirect"), "refused the connection"),
+    "redirects to longer paths": (redirect_to_twice_the_path, "redirects more than 5 times|can't be read"),
+    "redirects to a path of 60 kB": (redirect("/" + "a" * 60_000), "redirects more than 5 times"),
+    "redirects to 15,000 addresses in one": (redirect("/" + "a://" * 15_000), "redirects more than 5 times"),
+    "redirects to the password": (redirect_to_header, "redirects to ftp://127.0.0.1/[*]{3}, which is not followed"),
+    "redirects to a password that is cut": (
+        redirect(f"ftp://127.0.0.1/{'x' * 179}{SECRET}"),
+        "redirects to ftp://127.0.0.1/x+[*]+, which is not followed",
+    ),
     "redirects without a target": (send(head("302 Found", Content_Length="0")), "status 302|can't be read"),
     "sends a gzip bomb": (
         send(head(Content_Encoding="gzip", Content_Length=str(len(GZIP_BOMB))) + GZIP_BOMB),
@@ -170,6 +191,19 @@ HOSTILE_SERVERS: dict[str, tuple[Answer, str]] = {
     "sends no gzip": (send(head(Content_Encoding="gzip") + b"x" * 2000), "can't be unpacked"),
     "sends brotli": (send(head(Content_Encoding="br") + b"x" * 2000), "in the encoding 'br', which is not read"),
     "sends two encodings": (send(head(Content_Encoding="gzip, br") + b"x" * 2000), "which is not read"),
+    "sends an encoding with a password that is cut": (
+        send(head(Content_Encoding="b" * 35 + SECRET) + b"x" * 2000),
+        "in the encoding 'b+[*]+', which is not read",
+    ),
+    "says 60 kB of reasons": (send(head("400 " + "no " * 20_000, Content_Length="0")), "can't be read"),
+    "sends chunks of a negative size": (
+        send(head(Transfer_Encoding="chunked") + b"-8\r\n" + MAGIC + ZEROS),
+        BROKEN,
+    ),
+    "sends trailers without end": (
+        endless(head(Transfer_Encoding="chunked") + b"8\r\n" + MAGIC + b"\r\n0\r\n", b"A: b\r\n" * 1000),
+        STALL,
+    ),
     "asks for a password": (send(head("401 Unauthorized", Content_Length="0")), "does not allow it"),
     "has too much to do": (send(head("503 Service Unavailable", Content_Length="0")), "try again later|can't answer"),
 }
