@@ -3,6 +3,7 @@
 Wheels slip in bends. At the entrance of one such a speed changes by b v more than the acceleration explains, and at its
 exit by b v less. An accelerometer errs in bends, too, but otherwise: by a lever arm, and by a yaw of its mounting. So
 the changes of speed beyond those of the accelerometer are regressed on all of these, and on the change of v in bends.
+Steered front wheels drive farther than the rear axle in tight bends: what any wheelbase explains is no slip.
 """
 
 from __future__ import annotations
@@ -32,10 +33,16 @@ MIN_STEPS_WITH_BENDS = 60
 MIN_TURN_RATE_OF_BEND_RADPS = 0.05
 """Turn rate from which on a car is in a bend, rad/s: one of 200 m at 10 m/s. Chosen by hand; not fitted."""
 MIN_EXCESS_IN_BENDS, MIN_EXCESS_SIGMAS = 0.01, 4.0
-"""Least share by which a speed reads more or less in bends, and in sigmas above it. Steered wheels drive farther than
-the rear axle: by 1.6 % with a wheelbase of 2.7 m round 15 m, and by less in most bends. Chosen by hand; not fitted."""
+"""Least share by which a speed reads more or less in bends, and in sigmas above it. Chosen by hand; not fitted."""
+MAX_WHEELBASE_M = 6.5
+"""Longest wheelbase, m, as of a coach. The front wheels drive 1 / cos(steering angle) times as far as the rear axle: by
+1.6 % more with 2.7 m round a bend of 15 m, and by 8 % more with 6 m, which is no fault."""
+MIN_SPEED_OF_CURVATURE_MPS = 1.0
+"""Least speed by which a turn rate is divided, m/s: at standstill noise alone turns. Chosen by hand."""
 MAX_BEND_RESIDUAL_IN_SCATTERS = 4.0
 """Greatest residual, in scatters, that the second pass uses; kerbs and lost rows lie beyond. Chosen by hand."""
+SMALLEST_POWER = 1e-12
+"""Smallest sum of squares by which is divided."""
 MIN_POWER_SHARE_BESIDE_OTHERS = 1e-3
 """Least share of the sum of squares that the other causes leave of the change of v in bends. Chosen by hand."""
 
@@ -46,18 +53,21 @@ class ExcessInBends:
 
     Attributes:
         value, sigma: The excess as a share of what it reads there, and one sigma of it.
+        low, high: The least and the greatest part of it that no wheelbase of steered wheels explains.
         middle_s, turn_rate_radps: Shape (n,): middles of the steps, and the turn rates in them without their bias.
     """
 
     value: float
     sigma: float
+    low: float
+    high: float
     middle_s: FloatArray
     turn_rate_radps: FloatArray
 
     @property
     def is_clear(self) -> bool:
         """Whether neither chance nor steered wheels explain it."""
-        return abs(self.value) - MIN_EXCESS_SIGMAS * self.sigma > MIN_EXCESS_IN_BENDS
+        return max(self.low, -self.high) - MIN_EXCESS_SIGMAS * self.sigma > MIN_EXCESS_IN_BENDS
 
     def is_in_bend(self, time_s: FloatArray) -> BoolArray:
         """Return a mask (n,) of the times (n,), s, in bends and shortly before and behind them."""
@@ -103,9 +113,7 @@ def set_speeds_aside_in_bends(
         rows = excess.is_in_bend(time_s) & np.isfinite(m.values[:, 0])
         found[-1] = replace(m, values=np.where(rows[:, None], np.nan, m.values))
         n = int(rows.sum())
-        fault = (
-            f"reads {1.0 / (1.0 - excess.value):.3f} times the speed in bends, as of wheels that slip or are steered"
-        )
+        fault = f"reads {1.0 / (1.0 - excess.value):.3f} times the speed in bends, as of wheels that slip"
         evidence = f"+- {excess.sigma:.3f} by accelerations of {accel.source}"
         who = SourceQuantity(m.source, m.kind)
         corrections.append(Correction(who, "bends", fault, f"{n} rows set aside", evidence, n_set_aside=n))
@@ -142,19 +150,39 @@ def find_excess_in_bends(
     others = np.column_stack(
         [np.ones(len(change)), change, later, yawed, *speed_changes_of_lever_arm(turning, edges_s)]
     )
+    # Steered wheels with a wheelbase l drive v (l k)^2 / 2 faster than the rear axle, with the curvature k.
+    steered = np.diff(0.5 * v * np.square(rate / np.maximum(v, MIN_SPEED_OF_CURVATURE_MPS)))
     rows = np.isfinite(missing + turned.turn_rad + later + yawed + in_bends)
-    value, sigma = math.nan, math.nan
+    value, sigma, low, high = math.nan, math.nan, math.nan, math.nan
     for _ in range(2):
         if rows.sum() < MIN_STEPS_WITH_BENDS:
             return None
         basis, _ = np.linalg.qr(others[rows])
-        free, rest = (x[rows] - basis @ (basis.T @ x[rows]) for x in (in_bends, missing))
+        free, rest, of_wheelbase = (x[rows] - basis @ (basis.T @ x[rows]) for x in (in_bends, missing, steered))
         power = float(free @ free)
         if power <= MIN_POWER_SHARE_BESIDE_OTHERS * float(in_bends[rows] @ in_bends[rows]):
             return None
         value = float(free @ rest) / power
         rest = rest - value * free
-        sigma = math.sqrt(float(rest @ rest) / (len(rest) - others.shape[1] - 1) / power)
+        variance = float(rest @ rest) / (len(rest) - others.shape[1] - 1)
+        sigma = math.sqrt(variance / power)
+        share = float(free @ of_wheelbase) / power
+        wheelbase = _squared_wheelbase_range_m2(of_wheelbase - share * free, rest, variance)
+        low, high = sorted(value - share * each for each in wheelbase)
         scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(rest))
         rows[rows] = np.abs(rest) <= MAX_BEND_RESIDUAL_IN_SCATTERS * scatter
-    return ExcessInBends(value, sigma, 0.5 * (edges_s[1:] + edges_s[:-1]), rate)
+    return ExcessInBends(value, sigma, low, high, 0.5 * (edges_s[1:] + edges_s[:-1]), rate)
+
+
+def _squared_wheelbase_range_m2(per_m2: FloatArray, rest: FloatArray, variance: float) -> tuple[float, float]:
+    """Return the range of squared wheelbases, m^2, of steered wheels that a log leaves: all where bends are alike.
+
+    Args:
+        per_m2: Shape (n,): changes of speed for each m^2, beside all other causes.
+        rest: Shape (n,): changes of speed that the other causes leave.
+        variance: Of one of these.
+    """
+    power = max(float(per_m2 @ per_m2), SMALLEST_POWER)
+    found, half_width = float(per_m2 @ rest) / power, MIN_EXCESS_SIGMAS * math.sqrt(variance / power)
+    low, high = (min(max(each, 0.0), MAX_WHEELBASE_M**2) for each in (found - half_width, found + half_width))
+    return low, high
