@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_DONE, EXIT_PIPE_CLOSED
+from cwcli.errors import EXIT_DONE, EXIT_PIPE_CLOSED, EXIT_USAGE
+from cwcli.logs.format.faults import not_mcap_error
 from cwcli.logs.read.reader import Log
 from tests.cli.conftest import ROOT
 
@@ -53,6 +54,15 @@ def test_estimate_reads_the_log_without_an_option(drive: Path, tmp_path: Path) -
     target = tmp_path / "log.mcap"
     assert run_command_line(["import", str(drive), "-o", str(target), "--quiet"]) == 0
     assert run_command_line(["estimate", str(target), "-o", str(tmp_path / "states.mcap"), "--quiet"]) == 0
+
+
+def test_url_is_no_file_to_import(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    url = "https://user:pl4nt3d@host/drive.csv?sig=pl4nt3d"
+    assert run_command_line(["import", url, "-o", str(tmp_path / "log.mcap")]) == EXIT_USAGE
+    said = capsys.readouterr().err
+    assert "imported from this machine alone" in said and "pl4nt3d" not in said
+    hint = not_mcap_error("https://host/drive.csv", b"time,lat,lon\n").hint
+    assert hint.endswith("cwcli import FILE -o log.mcap")
 
 
 def test_preview_writes_nothing(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -109,8 +109,12 @@ def command(
     """
     from cwcli.importing.bounded_import import import_files
     from cwcli.importing.mapping import mapping_file_name
+    from cwcli.logs.read.remote import is_remote_url
     from cwcli.output import refuse_unwritable_targets
 
+    for each in files:
+        if is_remote_url(each):
+            raise UsageError("files are imported from this machine alone", where=each, hint="copy it to this machine")
     if output is None and not preview:
         raise UsageError("no output is named", hint="-o log.mcap, or --preview")
     target = str(replace_stdout_path_by_dash(output or "-"))

@@ -42,7 +42,8 @@ def not_mcap_error(name: str, head: bytes) -> InputError:
     if not hint and is_importable_head(head):
         import shlex
 
-        named = "FILE" if name.startswith("<") or name.endswith(".mcap") else shlex.quote(name)
+        is_unfit = name.startswith("<") or "://" in name or name.endswith(".mcap")
+        named = "FILE" if is_unfit else shlex.quote(name)
         hint = f"if it is a table, a track or another recording: cwcli import {named} -o log.mcap"
     return InputError("it is not an MCAP file", where=name, hint=hint)
 
