@@ -15,7 +15,7 @@ import numpy as np
 
 from cwcli.estimation.contradiction import SourceQuantity
 from cwcli.estimation.correction import Correction
-from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, Kind, Measurements
 from cwcli.estimation.median import median_of_finite_values
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries, earliest_stamp_ns, seconds_since_zero_time
@@ -28,6 +28,9 @@ from cwcli.signals.normal_distribution import SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATIO
 
 BEND_STEP_S = 0.5
 """Length of the steps, s: a car turns in within one or two, and slopes change little. Chosen by hand; not fitted."""
+BIAS_STEP_S, MIN_STEPS_WITH_BIAS = 4.0, 8
+"""Length, s, and least number of the steps in which fixes show the bias of a gyroscope: longer ones than above, as the
+course of fixes is noisy. Chosen by hand; not fitted."""
 MIN_STEPS_WITH_BENDS = 60
 """Least number of steps: half a minute. Chosen by hand; not fitted."""
 MIN_TURN_RATE_OF_BEND_RADPS = 0.05
@@ -96,8 +99,7 @@ def set_speeds_aside_in_bends(
     """
     usable = [p.series for p in prepared if len(p.series) >= MIN_ROWS_OF_COMPARED_SOURCE and not p.series.is_exact]
     fixes = next((s for s in usable if s.kind is Kind.POSITION), None)
-    accel = next((s for s in usable if s.kind is Kind.ACCEL), None)
-    turning = next((s for s in usable if s.kind is Kind.YAW_RATE and accel and s.source == accel.source), None)
+    accel, turning = _first_fast_imu(usable)
     speeds = {s.source: s for s in usable if s.kind is Kind.SPEED and s.source not in trusted}
     found: list[Measurements] = []
     corrections: list[Correction] = []
@@ -124,10 +126,17 @@ def set_speeds_aside_in_bends(
     return found, corrections, without_excess
 
 
+def _first_fast_imu(series: Sequence[SensorSeries]) -> tuple[SensorSeries | None, SensorSeries | None]:
+    """Return acceleration and turn rate of the first source that has both, and often enough; else None twice."""
+    fast = [s for s in series if s.kind in KINDS_THAT_IMU_MEASURES_TOO and _is_fast_enough(s)]
+    turning = {s.source: s for s in fast if s.kind is Kind.YAW_RATE}
+    return next(((s, turning[s.source]) for s in fast if s.kind is Kind.ACCEL and s.source in turning), (None, None))
+
+
 def find_excess_in_bends(
     speed: SensorSeries, accel: SensorSeries, turning: SensorSeries, fixes: SensorSeries
 ) -> ExcessInBends | None:
-    """Return by how much a speed reads more in bends; None in short logs, without bends and of a slow speed.
+    """Return by how much a speed reads more in bends; None in short logs, without bends and of slow sources.
 
     Args:
         speed: A speed.
@@ -135,11 +144,11 @@ def find_excess_in_bends(
         fixes: Positions, for the time that is looked at.
     """
     edges_s = step_edges_s([fixes], BEND_STEP_S)
-    if len(edges_s) < MIN_STEPS_WITH_BENDS or median_of_finite_values(np.diff(speed.time_s)) > 0.5 * BEND_STEP_S:
+    if len(edges_s) < MIN_STEPS_WITH_BENDS or not all(map(_is_fast_enough, (speed, accel, turning))):
         return None
     own, by_imu, turned = (compute_step_motion_by_source(s, edges_s) for s in (speed, accel, turning))
     rate = means_between_edges(turning.time_s, turning.values[:, 0], edges_s)
-    rate -= median_of_finite_values(rate)
+    rate -= bias_of_gyroscope_or_nan_radps(turning, fixes)
     v, change = own.speed_mps, by_imu.speed_change_to_next_step_mps
     missing = own.speed_change_to_next_step_mps - change
     in_bends = np.diff(v * np.minimum(np.square(rate / MIN_TURN_RATE_OF_BEND_RADPS), 1.0))
@@ -172,6 +181,24 @@ def find_excess_in_bends(
         scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(rest))
         rows[rows] = np.abs(rest) <= MAX_BEND_RESIDUAL_IN_SCATTERS * scatter
     return ExcessInBends(value, sigma, low, high, 0.5 * (edges_s[1:] + edges_s[:-1]), rate)
+
+
+def _is_fast_enough(s: SensorSeries) -> bool:
+    return median_of_finite_values(np.diff(s.time_s)) <= 0.5 * BEND_STEP_S
+
+
+def bias_of_gyroscope_or_nan_radps(turning: SensorSeries, fixes: SensorSeries) -> float:
+    """Return by how much a turn rate is larger than that of the fixes in most steps; NaN where too few show it.
+
+    The median of a turn rate is no bias: on a roundabout, or an oval, a car turns to one side for most of the time.
+    """
+    edges_s = step_edges_s([fixes], BIAS_STEP_S)
+    if len(edges_s) < MIN_STEPS_WITH_BIAS:
+        return math.nan
+    own, by_fixes = (compute_step_motion_by_source(s, edges_s).turn_rad for s in (turning, fixes))
+    difference = (own - by_fixes + math.pi) % (2.0 * math.pi) - math.pi
+    known = difference[np.isfinite(difference)]
+    return median_of_finite_values(known) / BIAS_STEP_S if len(known) >= MIN_STEPS_WITH_BIAS else math.nan
 
 
 def _squared_wheelbase_range_m2(per_m2: FloatArray, rest: FloatArray, variance: float) -> tuple[float, float]:

@@ -13,16 +13,20 @@ RATE_HZ = 20.0
 Values = Mapping[Kind, np.ndarray]
 
 
-def made_drive(duration_s: float = 120.0, *, backwards: bool = False) -> tuple[np.ndarray, Values]:
+def made_drive(
+    duration_s: float = 120.0, *, backwards: bool = False, is_oval: bool = False
+) -> tuple[np.ndarray, Values]:
     """Times (n,) and what each kind of sensor reads, (n,) or (n, 2).
 
     In each 20 s the car brakes by 2 m/s^2 for 4 s, turns by 1.6 rad in 4 s (now left, now right) and accelerates by
-    2 m/s^2 for 4 s; else it drives straight with 14 m/s.
+    2 m/s^2 for 4 s; else it drives straight with 14 m/s. On an oval it turns to the left alone, by 3 rad in 12 s.
     """
     time_s = np.arange(0.0, duration_s, 1.0 / RATE_HZ)
     phase, block = time_s % 20.0, (time_s // 20.0).astype(int)
     accel = np.where((phase >= 4.0) & (phase < 8.0), -2.0, np.where((phase >= 12.0) & (phase < 16.0), 2.0, 0.0))
     yaw_rate = np.where((phase >= 8.0) & (phase < 12.0), np.where(block % 2, -0.4, 0.4), 0.0)
+    if is_oval:
+        yaw_rate = np.where((phase >= 6.0) & (phase < 18.0), 0.25, 0.0)
 
     def integral(rate: np.ndarray) -> np.ndarray:
         return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) / RATE_HZ)])

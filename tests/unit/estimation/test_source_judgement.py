@@ -24,7 +24,7 @@ from cwcli.estimation.source_judgement import (
     judge_sources,
     set_wrong_rows_aside_and_list_them,
 )
-from tests.unit.estimation.made_drive import made_drive
+from tests.unit.estimation.made_drive import Values, made_drive
 
 G = 9.80665
 TIME_S, VALUES = made_drive()
@@ -33,14 +33,14 @@ ALL = (Kind.POSITION, Kind.SPEED, Kind.HEADING, Kind.IMU)
 LEAN = (Kind.POSITION, Kind.IMU)
 
 
-def _drive(*kinds: Kind) -> list[Measurements]:
-    """The made drive with noise of usual sensors; its IMU reads v w to the left and gravity upward."""
+def _drive(*kinds: Kind, made: Values = VALUES) -> list[Measurements]:
+    """A made drive with noise of usual sensors; its IMU reads v w to the left and gravity upward."""
     rng = np.random.default_rng(3)
     zero = np.zeros(len(TIME_S))
-    speed, yaw_rate = VALUES[Kind.SPEED], VALUES[Kind.YAW_RATE]
+    speed, yaw_rate = made[Kind.SPEED], made[Kind.YAW_RATE]
     exact = {
-        **VALUES,
-        Kind.IMU: np.column_stack([VALUES[Kind.ACCEL], speed * yaw_rate, zero + G, zero, zero, yaw_rate]),
+        **made,
+        Kind.IMU: np.column_stack([made[Kind.ACCEL], speed * yaw_rate, zero + G, zero, zero, yaw_rate]),
     }
     sigma: dict[Kind, Any] = {
         Kind.POSITION: 0.3,

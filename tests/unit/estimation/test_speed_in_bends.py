@@ -49,6 +49,20 @@ def test_a_speed_that_slips_is_scaled_as_on_straight_roads(in_bends: float, ever
     assert float(told[1]) == pytest.approx(everywhere, abs=0.003)
 
 
+@pytest.mark.parametrize("n_skipped", [20, 0], ids=["slow", "without-gyroscope"])
+def test_the_first_imu_that_is_fast_enough_judges_the_bends(n_skipped: int) -> None:
+    """Before it come one with a row a second, or an accelerometer alone."""
+    position, speed, heading, imu = _slipping(1.15)
+    first = (
+        replace(imu, source="/a", values=imu.values[::n_skipped], stamp_ns=imu.stamp_ns[::n_skipped])
+        if n_skipped
+        else Measurements("/a", Kind.ACCEL, imu.stamp_ns, imu.values[:, :1])
+    )
+    (correction,) = _judge([position, speed, heading, first, imu]).corrections
+    assert correction.name == "bends"
+    assert correction.evidence.endswith("by accelerations of /imu")
+
+
 def test_a_trusted_speed_keeps_its_rows() -> None:
     assert _judge(_slipping(1.15), trusted={"/speed"}).corrections == ()
 
@@ -63,6 +77,24 @@ def test_a_lever_arm_of_the_imu_is_no_slip(ahead_m: float, left_m: float) -> Non
         return values + np.column_stack([ahead, left, *(np.zeros((4, len(ahead))))])
 
     assert _judge(_with_fault(_drive(*ALL), Kind.IMU, moved)).corrections == ()
+
+
+@pytest.mark.parametrize("bias_radps", [-0.03, 0.0, 0.03])
+@pytest.mark.parametrize(("factor", "n_expected"), [(1.0, 0), (1.15, 1), (0.93, 1)])
+def test_bends_of_an_oval_are_told_from_its_straights(bias_radps: float, factor: float, n_expected: int) -> None:
+    """A car that turns to the left for most of the time has no median turn rate of 0."""
+    _, oval = made_drive(is_oval=True)
+    is_bend = oval[Kind.YAW_RATE][:, None] != 0.0
+    wrong = _with_fault(_drive(*ALL, made=oval), Kind.SPEED, lambda v: np.where(is_bend, factor * v, v))
+    judged = _judge(_with_fault(wrong, Kind.IMU, lambda v: v + bias_radps * np.array([0, 0, 0, 0, 0, 1])))
+    assert len(judged.corrections) == n_expected
+    for correction in judged.corrections:
+        told = re.match(r"reads (\d\.\d+) times the speed in bends", correction.fault)
+        assert told is not None
+        assert float(told[1]) == pytest.approx(factor, rel=0.025)  # a lever arm to the side looks much like it there
+        speed = next(p.series for p in judged.prepared if p.series.kind is Kind.SPEED)
+        assert not np.isin(speed.time_s, TIME_S[is_bend[:, 0]]).any()
+        assert len(speed) > 0.9 * (~is_bend).sum() - 6 * 20  # half a second on both sides of six bends
 
 
 def _of_front_wheels(speed_mps: np.ndarray, yaw_rate_radps: np.ndarray, wheelbase_m: float) -> np.ndarray:
