@@ -66,7 +66,7 @@ def high_pass_time_constant_of_accelerometer_s(
             return math.nan
         slope = float(free_way @ missing) / power
         rest = missing - slope * free_way
-        sigma = math.sqrt(float(rest @ rest) / (len(steps) - 3) / power)
+        sigma = math.sqrt(float(rest @ rest) / (len(steps) - 3 - len(others)) / power)
         scatter = SIGMA_PER_MEDIAN_ABSOLUTE_DEVIATION * median_of_finite_values(np.abs(rest))
         rows[steps] = np.abs(rest) <= MAX_SLOW_PART_RESIDUAL_IN_SCATTERS * scatter
     is_clear = slope > MIN_INVERSE_TIME_CONSTANT_IN_SIGMAS * sigma and slope * MAX_TIME_CONSTANT_OF_HIGH_PASS_S > 1.0

@@ -12,7 +12,7 @@ from cwcli.estimation.check_texts import SourceComparisonCheck
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.slow_accel import high_pass_time_constant_of_accelerometer_s
 from cwcli.estimation.source_checks import Judgement, compare_all_source_pairs
-from cwcli.estimation.step_motion import compute_step_motion_by_source, step_edges_s
+from cwcli.estimation.step_motion import StepMotion, compute_step_motion_by_source, step_edges_s
 from cwcli.signals.columns import FloatArray
 from tests.unit.estimation.made_drive import as_series
 
@@ -58,6 +58,28 @@ def test_a_bias_that_drifts_a_scale_and_hills_are_no_filter(bias_mps2: float) ->
         right + 0.01 * np.cumsum(np.random.default_rng(6).normal(0.0, 1.0, len(TIME_S))),
     ):
         assert math.isnan(_found_time_constant_s(values + bias_mps2, FIXES_M + noise_m))
+
+
+@pytest.mark.parametrize(
+    ("n_columns", "t", "is_found"), [(0, 7.9, False), (0, 8.1, True), (2, 7.9, False), (2, 8.1, True)]
+)
+def test_a_filter_is_told_from_eight_sigmas_on(n_columns: int, t: float, is_found: bool) -> None:
+    """In 12 changes of speed a line, the filter and each column of a lever arm are fitted, by `np.linalg.lstsq`."""
+    rng = np.random.default_rng(8)
+    own, columns, noise = rng.normal(size=12), rng.normal(size=(n_columns, 12)), rng.normal(size=12)
+    speed_mps = np.concatenate([[0.0], np.cumsum(own)])
+    way = 0.5 * STEP_S * (speed_mps[1:] + speed_mps[:-1])
+    fitted = np.column_stack([way, np.ones(12), np.arange(12), *columns])
+    noise -= fitted @ np.linalg.lstsq(fitted, noise, rcond=None)[0]
+    sigma = math.sqrt(noise @ noise / (12 - 3 - n_columns) * np.linalg.inv(fitted.T @ fitted)[0, 0])
+    inverse_time_constant = 0.2
+    missing = inverse_time_constant * way + noise * (inverse_time_constant / t / sigma)
+    accel, fixes = (
+        StepMotion(as_series(Kind.ACCEL, TIME_S[:2], np.zeros(2)), x, x, x, 0.0, x, False)
+        for x in (speed_mps, np.concatenate([[0.0], np.cumsum(own + missing)]))
+    )
+    found_s = high_pass_time_constant_of_accelerometer_s(accel, fixes, STEP_S, list(columns))
+    assert found_s == pytest.approx(5.0) if is_found else math.isnan(found_s)
 
 
 def test_the_comparison_names_the_accelerometer() -> None:
