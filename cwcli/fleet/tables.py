@@ -35,7 +35,7 @@ from cwcli.fleet.table_schemas import (
     has_nested_column,
     unify_schemas,
 )
-from cwcli.input import is_file
+from cwcli.input import BYTES_PER_MEGABYTE, is_file
 from cwcli.metrics.table import ArrowFileInterface
 from cwcli.output import AtomicGroup, make_folder, open_output
 
@@ -59,9 +59,12 @@ PIECES_PER_JOINED_BLOCK = 256
 Chosen by hand."""
 MAX_OPEN_TABLE_FILES = 400
 """Number of files that are open at a time; chosen: below the 1,024 that most systems allow."""
-MAX_OPEN_FOOTER_BYTES, MAX_FOOTER_BYTES_OF_TABLE = 8_000_000, 32_000_000
-"""Bytes of the footers, which list the row groups, of the tables that are read at a time; and of one table in all
-folders. In memory they take twelve times as much (measured with pyarrow 26)."""
+MAX_OPEN_FOOTER_BYTES = 8_000_000
+"""Bytes of the footers, which list the row groups, of the tables that are read at a time: at least one of each folder.
+In memory they take twelve times as much (measured with pyarrow 26)."""
+MIN_FOOTER_BYTES_OF_TABLE, MAX_FOOTER_SHARE_OF_TABLE = 2_000_000, 1 / 8
+"""The size of footer that every table may have, and the share of its file. Chosen by hand: of the tables that cwcli
+writes a footer is a hundredth at most, a tenth where nearly all values are equal."""
 
 
 class RowsPiece(NamedTuple):
@@ -135,7 +138,7 @@ class MergedRows:
 
         for name in iter_table_names(self._out) if ids else ():
             path = self._out / f"{name}{TABLE_FILE_SUFFIX}"
-            _require_footer_in_bounds(self.count_footer_bytes(name), str(path))
+            _require_footer_in_bounds(self.count_footer_bytes(name), path)
             try:
                 schema = parquet.read_schema(path)
             except (OSError, ValueError, pa.ArrowException) as error:
@@ -164,22 +167,31 @@ class MergedRows:
         return rows_of_log
 
     def count_footer_bytes(self, name: str) -> int:
-        """Count the bytes of the footer of a table, 0 if there is no such file."""
+        """Count the bytes of the footer of a table, 0 if there is no such file or its end is cut off."""
         path = self._out / f"{name}{TABLE_FILE_SUFFIX}"
         if not is_file(path):
             return 0
         try:
             with path.open("rb") as file:
-                file.seek(-len(PARQUET_MAGIC) - 4, 2)
-                return int.from_bytes(file.read(4), "little")
+                file.seek(max(path.stat().st_size - len(PARQUET_MAGIC) - 4, 0))
+                tail = file.read()
         except OSError as error:
             raise InputError(f"the table can't be read: {error.strerror}", where=str(path)) from error
+        return int.from_bytes(tail[:4], "little") if tail[4:] == PARQUET_MAGIC else 0
 
 
-def _require_footer_in_bounds(n_bytes: int, where: str) -> None:
-    if n_bytes > MAX_FOOTER_BYTES_OF_TABLE:
-        most = f"more than {MAX_FOOTER_BYTES_OF_TABLE // 1_000_000} MB"
-        raise InputError(f"the list of the table's row groups takes {most}", where=where)
+def _require_footer_in_bounds(n_bytes: int, path: Path) -> None:
+    """Check that few rows are not in so many row groups that their list alone fills the memory.
+
+    Raises:
+        InputError: They are.
+    """
+    n_most = MIN_FOOTER_BYTES_OF_TABLE + MAX_FOOTER_SHARE_OF_TABLE * path.stat().st_size
+    if n_bytes > n_most:
+        found, most = (f"{each / BYTES_PER_MEGABYTE:,.1f} MB" for each in (n_bytes, n_most))
+        what = f"the list of its row groups takes {found}, more than {most}"
+        hint = "`cwcli merge` of the folders that it was made of writes row groups of many rows"
+        raise InputError(what, where=str(path), hint=hint)
 
 
 class _RowsInOrder:
@@ -268,7 +280,6 @@ def _iter_names_for_each_pass(names: Sequence[str], sources: Sequence[RowSource]
     n_held = 0
     for name in names:
         n_bytes = sum(each.count_footer_bytes(name) for each in sources)
-        _require_footer_in_bounds(n_bytes, name)
         if some and (len(some) == n_most or n_held + n_bytes > MAX_OPEN_FOOTER_BYTES):
             yield frozenset(some)
             some, n_held = set(), 0

@@ -984,6 +984,7 @@ UNLISTED: dict[str, Make] = {
     "merge, tables that are pipes": shards(table_pipe),
     "merge, tables of lists of lists": shards(nested_table),
     "merge, tables of 5,000 groups": shards(lambda path: many_groups(path, 5000)),
+    "merge, tables of 1,000 groups": shards(many_groups),
     "merge, a pipe that is no table": shards(pipe_beside, "metrics.parquet"),
     "merge, tables whose rows are 2^62": shards(pages_of_lies),
     "merge, a manifest that is a device": shards(table_device, "manifest.json"),

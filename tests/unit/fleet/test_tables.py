@@ -117,20 +117,36 @@ def test_memory_does_not_hold_a_piece_of_every_log(tmp_path: Path, monkeypatch: 
     assert pq.read_table(tmp_path / "metrics.parquet")["at_s"].to_pylist() == [float(k) for k in range(60)]
 
 
-def test_table_of_too_many_row_groups_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its footer takes 8 bytes less than what the bound is set to, and that of two shards together more."""
-    shards = {id: MergedRows(tmp_path / id) for id in "ab"}
+def test_footers_are_bounded_by_the_size_of_each_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shards whose footers are an eighth of their files at most merge, however many they are; others are named."""
+    shards = {f"drive{k}": MergedRows(tmp_path / f"drive{k}") for k in range(4)}
     for id, rows in shards.items():
-        stage(tmp_path / id, {id: [("metrics", table(x=np.arange(3)))]})
+        stage(tmp_path / id, {id: [("metrics", table(x=np.random.default_rng(1).normal(size=9000)))]})
         write_tables(tmp_path / id, {id: staged_rows(tmp_path / id)}, RUN_ID)
         size = pq.read_metadata(tmp_path / id / "metrics.parquet").serialized_size
         assert rows.count_footer_bytes("metrics") == size and rows.count_footer_bytes("no") == 0
+    monkeypatch.setattr(tables, "MIN_FOOTER_BYTES_OF_TABLE", 0)
     (tmp_path / "out").mkdir()
-    monkeypatch.setattr(tables, "MAX_FOOTER_BYTES_OF_TABLE", size + 8)
-    write_tables(tmp_path / "out", {"a": shards["a"]}, RUN_ID)
-    with pytest.raises(InputError, match="row groups takes more than"):
+    write_tables(tmp_path / "out", shards, RUN_ID)
+    merged = tree(tmp_path / "out")
+    (tmp_path / "drive3" / "details").mkdir()
+    few = tmp_path / "drive3" / "details" / "few.parquet"
+    pq.write_table(pa.table({"log": ["drive3"], "x": [1.0]}), few)
+    with pytest.raises(InputError, match="the list of its row groups takes") as refused:
         write_tables(tmp_path / "out", shards, RUN_ID)
-    assert pq.read_table(tmp_path / "out" / "metrics.parquet")["log"].to_pylist() == ["a"] * 3
+    assert refused.value.where == str(few) and "row groups" in (refused.value.hint or "")
+    assert tree(tmp_path / "out") == merged
+
+
+@pytest.mark.parametrize("n_bytes", [-40, -1, 11, 5, 0])
+def test_table_that_was_cut_is_called_no_table(tmp_path: Path, n_bytes: int) -> None:
+    stage(tmp_path / "a", {"a": [("metrics", table(x=np.arange(3)))]})
+    write_tables(tmp_path / "a", {"a": staged_rows(tmp_path / "a")}, RUN_ID)
+    path = tmp_path / "a" / "metrics.parquet"
+    path.write_bytes(path.read_bytes()[:n_bytes])
+    with pytest.raises(InputError, match="the table can't be read: Parquet") as refused:
+        write_tables(tmp_path, {"a": MergedRows(tmp_path / "a")}, RUN_ID)
+    assert refused.value.where == str(path)
 
 
 def test_new_rows_replace_those_of_the_same_log_and_others_stay(tmp_path: Path) -> None:
