@@ -9,8 +9,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import zstandard
 from mcap.writer import Writer
 
+from cwcli.errors import InputError
 from cwcli.logs.read.reader import Log
 from tests.unit.logs_read.builders import T0_NS
 from tests.unit.logs_read.lying_logs import counting_one_more, hiding
@@ -90,3 +92,25 @@ def test_who_takes_the_first_frame_alone_is_told_nothing(tmp_path: Path) -> None
     with Log.open(tmp_path / "in.mcap") as log:
         assert bytes(next(log.frames("/camera")).data) == b"JPEG"
         assert log.faults.counts_by_reason() == {}
+
+
+@pytest.mark.parametrize(("period_ns", "is_read"), [(5_000_000, True), (0, False)])
+def test_periodic_messages_of_a_log_compressed_whole_are_read(tmp_path: Path, period_ns: int, is_read: bool) -> None:
+    """20,000 that take 6 bytes each are read, where the bound of a chunk is that of 2,000; equal ones are not."""
+    stream = io.BytesIO()
+    writer = Writer(stream, use_chunking=False)
+    writer.start()
+    channel = writer.register_channel("/t", "json", writer.register_schema("Numbers", "jsonschema", b"{}"))
+    for k in range(20_000):
+        stamp_ns = T0_NS + k * period_ns
+        writer.add_message(channel, stamp_ns, b'{"k": 1}', stamp_ns, sequence=k if period_ns else 0)
+    writer.finish()
+    packed = zstandard.ZstdCompressor(level=19).compress(stream.getvalue())
+    assert len(packed) < (150_000 if period_ns else 5_000)
+    (tmp_path / "log.mcap.zst").write_bytes(packed)
+    with Log.open(tmp_path / "log.mcap.zst", max_chunk_bytes=1_000_000) as log:
+        if is_read:
+            assert len(log.columns("/t")) == 20_000
+        else:
+            with pytest.raises(InputError, match="messages and more are in a file of"):
+                log.columns("/t")
