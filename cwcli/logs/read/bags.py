@@ -18,9 +18,6 @@ from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 from cwcli.output_stream import OutputStream
 
-MAX_LOG_TIME_NS = (1 << 64) - 1
-"""The greatest log time in ns: the format has 64 bits for it (MCAP specification)."""
-
 ChannelTimePayload = tuple[int, int, bytes | memoryview]
 """The channel id, the log time in ns and the payload of a message."""
 Content = Schema | Channel | ChannelTimePayload
@@ -102,19 +99,7 @@ def _iter_ros2_content(
     from cwcli.logs.read.sqlite_files import open_database
 
     with open_database(file, journals, bounds.max_chunk_bytes, source.notes) as database:
-        for item in iter_database_content(database, file, source, bounds):
-            yield item if isinstance(item, Schema | Channel) else _validate_message(*item)
-
-
-def _validate_message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> ChannelTimePayload:
-    """Return a message, after a check that its time fits in a log and its payload is bytes.
-
-    Raises:
-        ValueError, TypeError: They don't.
-    """
-    if not 0 <= log_time_ns <= MAX_LOG_TIME_NS:
-        raise ValueError(f"a message has the time {log_time_ns} ns")
-    return channel_id, log_time_ns, memoryview(data)
+        yield from iter_database_content(database, file, source, bounds)
 
 
 def _write_content_to_log(log: MessageLog, content: Iterator[Content]) -> None:
