@@ -7,16 +7,21 @@ attributes and class names, without importing any of these libraries.
 from __future__ import annotations
 
 import errno
+import os
 import re
 from collections.abc import Iterator
 
 from cwcli.errors import InputError
-from cwcli.url import display_name_of_url, redact_url, redact_urls
+from cwcli.url import HIDDEN_URL_PART_TEXT, display_name_of_url, redact_url, redact_urls
 
 MAX_EXAMINED_ERRORS_OF_CHAIN = 20
 """The greatest number of errors of one chain that are examined; a chain may lead back to itself. Chosen by hand."""
 MAX_SHOWN_CHARS_OF_ERROR = 300
 """The number of characters of the words of a server or library that are shown. Chosen by hand."""
+SECRET_ENVIRONMENT_NAME_PATTERN = re.compile("KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL")
+"""Parts of the names of environment variables in which stores look for what a user may read with."""
+MIN_CHARS_OF_ENVIRONMENT_SECRET = 8
+"""Least number of characters of such a variable that is hidden. Chosen by hand: shorter ones are parts of words."""
 HTTP_NOT_ALLOWED, HTTP_NO_SUCH_FILE, HTTP_TRY_LATER = {401, 403, 407}, {404, 410}, {408, 425, 429}
 """The status codes of HTTP by their meaning for a reader (https://www.rfc-editor.org/rfc/rfc9110#section-15)."""
 HTTP_SERVER_ERRORS = range(500, 600)
@@ -59,24 +64,33 @@ def unreadable_url_error(url: str, error: BaseException) -> InputError:
     reason = _reason_from_connection_errors(chain)
     if status is not None and reason != "broken off":  # which aiohttp calls status 400
         reason = _reason_from_http_status(status)
-    words = redact_urls(" ".join(str(error).split()), url)[:MAX_SHOWN_CHARS_OF_ERROR] or type(error).__name__
+    words = _words_without_secrets(error, url) or type(error).__name__
     detail = f" (status {status})" if status is not None and reason != "broken off" else ""
     if reason is None and isinstance(error, FileNotFoundError) and _is_only_the_file_name(words, redact_url(url)):
         words = "the server does not send it"
         if status is None:
             reason, detail = "missing", _cause_in_brackets(error, url)
     if reason == "missing":  # a store says so where the whole bucket is not there
-        said = (" ".join(str(each).split()) for each in chain)
+        said = (_words_without_secrets(each, url) for each in chain)
         bucket = next((each for each in said if "bucket does not exist" in each.lower()), "")
-        detail = f" ({redact_urls(bucket, url)})" if bucket else detail
+        detail = f" ({bucket})" if bucket else detail
     what, hint = (words, "") if reason is None else TEXT_AND_HINT_BY_REASON[reason]
     return InputError(f"it can't be read: {what}{detail}", where=display_name_of_url(url), hint=hint)
 
 
 def _cause_in_brackets(error: BaseException, url: str) -> str:
     """Return the cause of an error in brackets, for example that the bucket does not exist; "" if there is none."""
-    why = redact_urls(" ".join(str(error.__cause__ or "").split()), url)
+    why = _words_without_secrets(error.__cause__ or "", url)
     return f" ({why})" if why else ""
+
+
+def _words_without_secrets(said: object, url: str) -> str:
+    """Return what a server or library says on one line, without the secrets of the URL and of the environment."""
+    words = redact_urls(" ".join(str(said).split()), url)
+    for name, value in os.environ.items():
+        if len(value) >= MIN_CHARS_OF_ENVIRONMENT_SECRET and SECRET_ENVIRONMENT_NAME_PATTERN.search(name.upper()):
+            words = words.replace(value, HIDDEN_URL_PART_TEXT)
+    return words[:MAX_SHOWN_CHARS_OF_ERROR]
 
 
 def _iter_causes(error: BaseException) -> Iterator[BaseException]:

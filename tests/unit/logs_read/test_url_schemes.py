@@ -10,6 +10,7 @@ import pytest
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE, InputError
 from cwcli.logs.read.remote import URL_SCHEME_ALIASES, URL_SCHEMES, file_system_and_path
+from cwcli.logs.read.remote_errors import unreadable_url_error
 
 OTHERS = sorted(
     {each for each in fsspec.available_protocols() if each not in (*URL_SCHEMES, *URL_SCHEME_ALIASES, "file", "local")}
@@ -39,3 +40,10 @@ def test_whatever_a_store_raises_is_a_known_error(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr("fsspec.core.url_to_fs", fails)
     with pytest.raises(InputError, match=r"it can.t be read"):
         file_system_and_path("https://host/drive.mcap")
+
+
+def test_a_store_that_repeats_a_token_of_the_environment_is_told_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_SESSION_TOKEN", "pl4nt3d/pl4nt3d+")
+    monkeypatch.setenv("CWCLI_TEST_KEY", "the")  # too short for a secret
+    said = str(unreadable_url_error("s3://bucket/drive.mcap", OSError("the token 'pl4nt3d/pl4nt3d+' is not known")))
+    assert said == "s3://bucket/drive.mcap: it can't be read: the token '***' is not known"
