@@ -19,7 +19,7 @@ from cwcli.estimation.measurements import KINDS_THAT_IMU_MEASURES_TOO, QUANTITY_
 from cwcli.estimation.noise import LEAD_IN_BEFORE_FIRST_POSITION_S, longest_driven_window_start_s
 from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import PassResult, SensorSeries, run_filter_pass
+from cwcli.estimation.passes import SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import average_rows_to_rate
 from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER, bounded_log_likelihood_without_inertial_sensors
 from cwcli.estimation.sensor_limits import range_of_sensor_error
@@ -282,22 +282,17 @@ class _SensorModelTrials:
         layout = add_sensor_error_states(self.base, model)
         series = layout.series
         factors = np.ones(len(series)) if similar is None else np.array(similar.factors)
-        tried = list[tuple[float, PassResult, FloatArray]]()
+        is_position, before = np.array([s.kind is Kind.POSITION for s in series]), np.ones(len(series))
         for _ in range(MAX_NOISE_MATCHINGS):
             scaled = [s.scale_noise_variance(float(f)) for s, f in zip(series, factors, strict=True)]
             result = self._trials.run_filter(replace(layout, series=scaled))
-            score = bounded_log_likelihood_without_inertial_sensors(scaled, result)
-            tried.append((score, result, factors))
             change = np.array([noise_variance_factor(s, nis) for s, nis in zip(scaled, result.nis, strict=True)])
-            is_unsettled = np.abs(np.log(change)) >= np.log(MAX_NOISE_FACTOR_AT_CONVERGENCE)
-            if not is_unsettled.any():
+            if (np.abs(np.log(change)) < np.log(MAX_NOISE_FACTOR_AT_CONVERGENCE)).all():
                 break
-            factors = factors * change
-        is_unsettled &= [s.kind is Kind.POSITION for s in series]
-        if is_unsettled.any():
-            # White noise that takes turns with a slow error swings between two values; the last score is chance.
-            score, result, likeliest = max(tried, key=lambda each: each[0])
-            factors = np.where(is_unsettled, likeliest, factors)
+            # White noise of fixes takes turns with their slow errors: what turns back goes half the way, and settles.
+            has_turned_back = is_position & ((change - 1.0) * (before - 1.0) < 0.0)
+            factors, before = factors * np.where(has_turned_back, np.sqrt(change), change), change
+        score = bounded_log_likelihood_without_inertial_sensors(scaled, result)
         sigma = np.sqrt(np.maximum(np.diagonal(result.last_covariance), 0.0))
         return _SensorModelTrial(model, score, tuple(factors.tolist()), result.last_state, sigma, layout)
 
