@@ -22,6 +22,12 @@ from cwcli.text import format_count
 
 MAX_LATITUDE_DEG, MAX_LONGITUDE_DEG = 90.0, 180.0
 """Greatest size of a latitude and a longitude."""
+MAX_SHARE_OF_DAMAGED_PLACES = 0.05
+"""Largest share of rows whose place is no place on Earth that are taken for damaged rows. Chosen by hand: in another
+unit, or with latitude and longitude exchanged, nearly all rows are such."""
+MIN_DEGREES_BEYOND_RANGE_OF_DAMAGED_PLACE = 1.0
+"""Degrees beyond 90 or 180 from which a place is damaged. A drive over a line of 90 or 180 degrees with latitude and
+longitude exchanged, or counted up to 360, goes a little beyond."""
 MAX_ROAD_LATITUDE_DEG = 75.0
 """Greatest size of the latitude of a road. The northernmost, at the North Cape, lies at 71."""
 MAX_DEGREES_THAT_MAY_BE_RADIANS = 3.15
@@ -94,6 +100,7 @@ def find_positions_and_track(meaning: Meaning) -> None:
 
 def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) -> None:
     values = {"latitude": meaning.numbers_in_file_unit(latitude), "longitude": meaning.numbers_in_file_unit(longitude)}
+    _drop_damaged_places(meaning, values)
     unscaled, units = dict(values), {}
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         choice = meaning.stated_unit(quantity, column)
@@ -109,6 +116,7 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
         values[quantity] = _apply_hemisphere_sign(meaning, values[quantity], f"{quantity}_half")
         units[quantity] = choice
     _drop_invalid_fixes(meaning, values)
+    _drop_damaged_places(meaning, values)
     if not np.isfinite(values["latitude"] * values["longitude"]).any():
         raise DataError("no row has a position", where=meaning.name)
     for quantity, limit in (("latitude", MAX_LATITUDE_DEG), ("longitude", MAX_LONGITUDE_DEG)):
@@ -225,6 +233,20 @@ def _apply_hemisphere_sign(meaning: Meaning, values: FloatArray, quantity: str) 
         return values
     meaning.notes.append(f"{column}: S and W make the values negative")
     return np.where(np.isin(upper, ["S", "W"]), -np.abs(values), values)
+
+
+def _drop_damaged_places(meaning: Meaning, values: dict[str, FloatArray]) -> None:
+    """Leave out the places of few rows that lie beyond 90 or 180 degrees, where all others lie within."""
+    size = {name: np.abs(values[name]) for name in ("latitude", "longitude")}
+    limit = {"latitude": MAX_LATITUDE_DEG, "longitude": MAX_LONGITUDE_DEG}
+    is_damaged = np.any([size[name] > limit[name] + MIN_DEGREES_BEYOND_RANGE_OF_DAMAGED_PLACE for name in size], axis=0)
+    n_damaged, n_places = int(is_damaged.sum()), int(np.isfinite(size["latitude"] + size["longitude"]).sum())
+    if not 0 < n_damaged <= MAX_SHARE_OF_DAMAGED_PLACES * n_places:
+        return
+    for each in values.values():
+        each[is_damaged] = np.nan
+    rows = format_count(n_damaged, "row")
+    meaning.notes.append(f"{rows} with a latitude beyond 90 or a longitude beyond 180 degrees: left out")
 
 
 def _drop_invalid_fixes(meaning: Meaning, values: dict[str, FloatArray]) -> None:

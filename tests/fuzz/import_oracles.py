@@ -36,14 +36,14 @@ def number(text: object) -> float:
     return float(str(text)) if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)", str(text), re.ASCII) else NAN
 
 
-def angle(text: str, half: str, halves: str) -> float | None:
-    """Degrees of `4807.038`, `N`; None beyond 180."""
+def angle(text: str, half: str, halves: str) -> float:
+    """Degrees of `4807.038`, `N`; NaN beyond 90 to the north or south and 180 to the east or west."""
     match = re.fullmatch(r"\+?(\d*?)(\d{0,2}(?:\.\d*)?)", text, re.ASCII)
     if match is None or half not in (*halves,) or not re.search(r"\d", text) or number(match[2] or "0") >= 60.0:
         return NAN
     size = float(match[1] or "0") + (number(match[2]) / 60.0 if re.search(r"\d", match[2]) else 0.0)
-    if size > 180.0:
-        return None
+    if size > (90.0 if half in "NS" else 180.0):
+        return NAN
     return size if half == halves[0] else -size
 
 

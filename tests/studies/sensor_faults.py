@@ -218,8 +218,10 @@ def late_by(delay_s: float) -> Rewrite:
 
 def sent_twice(m: Measurements) -> list[Measurements]:
     half_ns = int(np.median(np.diff(m.stamp_ns))) // 2
-    return [replace(m, stamp_ns=np.column_stack([m.stamp_ns, m.stamp_ns + half_ns]).ravel(),
-                    values=np.repeat(m.values, 2, axis=0))]  # fmt: skip
+    twice = m.select_rows(np.repeat(np.arange(len(m)), 2))
+    late_ns = np.tile([0, half_ns], len(m))
+    log_ns = None if twice.log_time_ns is None else twice.log_time_ns + late_ns
+    return [replace(twice, stamp_ns=twice.stamp_ns + late_ns, log_time_ns=log_ns)]
 
 
 def with_copy(m: Measurements) -> list[Measurements]:

@@ -5,6 +5,7 @@ A sentence whose checksum is wrong or missing is left out and counted, as for re
 
 from __future__ import annotations
 
+import math
 import re
 from array import array
 from collections import Counter
@@ -22,6 +23,7 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.builders.nmea import MIN_FIELDS_AND_PARSER_BY_SENTENCE, split_sentence
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_DAY, NS_PER_S
+from cwcli.text import format_count
 
 NMEA_SENTENCE_PATTERN = re.compile(r"[$!][A-Z]{2,5}[A-Z]*,.*(\*[0-9A-Fa-f]{2}|,)")
 """Pattern of an NMEA sentence, with or without its checksum."""
@@ -86,7 +88,7 @@ def _read_nmea_tables(path: str, answers: Answers) -> Sequence[SourceTable]:
     if not len(collected.ns_of_day):
         raise DataError("no sentence has a time", where=path, hint="GGA and RMC sentences have one")
     stamps, has_date = _stamps_ns_and_is_date_known(collected)
-    notes = [f"{reason}: {n} sentences" for reason, n in collected.counts.items()]
+    notes = [f"{reason}: {format_count(n, 'sentence')}" for reason, n in collected.counts.items()]
     start_ns = 0
     if not has_date:
         if answers.start:
@@ -143,6 +145,8 @@ def _collect_sentence_of_line(collected: CollectedSentences, line: str) -> None:
     if not values.is_fix or not has_time:
         collected.counts[f"{kind} without a {'time' if values.is_fix else 'fix'}"] += 1
         return
+    if kind in ("GGA", "RMC") and math.isnan(values.latitude_deg + values.longitude_deg):
+        collected.counts[f"{kind} whose place is none on Earth"] += 1
     sentences = collected.by_type.setdefault(kind, Sentences())
     sentences.row.append(len(collected.ns_of_day) - 1)
     for name in ("latitude_deg", "longitude_deg", "altitude_m", "speed_mps", "course_deg"):

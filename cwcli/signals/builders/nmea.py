@@ -133,10 +133,12 @@ MIN_FIELDS_AND_PARSER_BY_SENTENCE: dict[str, tuple[int, Callable[[Sequence[str]]
 
 def parse_degrees_minutes(text: str, hemisphere: str, both_hemispheres: str) -> float:
     """Parse degrees and minutes: `4807.038`, `N` gives 48.1173; the second hemisphere is negative, an invalid text
-    NaN."""
+    and a place beyond 90 or 180 degrees NaN."""
     value = parse_number_or_nan(text)
     whole, minutes = divmod(value, 100.0)
     if len(hemisphere) != 1 or hemisphere not in both_hemispheres or not (value >= 0.0 and minutes < 60.0):
+        return NAN
+    if whole + minutes / 60.0 > (90.0 if hemisphere in "NS" else 180.0):
         return NAN
     return (whole + minutes / 60.0) * (1.0 if hemisphere == both_hemispheres[0] else -1.0)
 

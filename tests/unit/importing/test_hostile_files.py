@@ -377,8 +377,8 @@ def test_nmea_sentences_without_a_time_are_counted(tmp_path: Path) -> None:
     path.write_text("\n".join([vtg, *lines]))
     made = plan(path, start="2023-11-14T00:00:00Z")
     assert len(log_times(made)) == 29
-    assert "GGA without a time: 1 sentences" in notes(made)
-    assert "VTG without a time: 1 sentences" in notes(made)
+    assert "GGA without a time: 1 sentence" in notes(made)
+    assert "VTG without a time: 1 sentence" in notes(made)
 
 
 @pytest.mark.parametrize("time", ["99999999999999999999.5", "1e300"])

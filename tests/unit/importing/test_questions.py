@@ -129,6 +129,21 @@ def test_answer_that_swaps(tmp_path: Path) -> None:
     np.testing.assert_allclose(values(made, "/gps/fix", "latitude"), D.lat_deg, atol=1e-8)
 
 
+@pytest.mark.parametrize("bad", ["195.0", "-4.8e18"])
+def test_few_rows_that_are_no_place_on_earth_are_left_out_and_counted(bad: str, tmp_path: Path) -> None:
+    latitudes = [*LAT[:50], bad, *LAT[51:]]
+    made = plan(table(tmp_path, "time,lat,lon", [T, latitudes, LON]))
+    assert "1 row with a latitude beyond 90" in notes(made)
+    np.testing.assert_allclose(values(made, "/gps/fix", "latitude"), np.delete(D.lat_deg, 50), atol=1e-8)
+
+
+def test_rows_of_a_few_degrees_of_too_much_are_asked_about(tmp_path: Path) -> None:
+    """A drive over the line of 180 degrees may count on from there; nothing is left out unasked."""
+    east = digits(np.linspace(179.999, 180.00001, N), 8)
+    with pytest.raises(AmbiguousError, match="are no longitude"):
+        plan(table(tmp_path, "time,lat,lon", [T, LAT, east]))
+
+
 def test_answer_about_a_zone(tmp_path: Path) -> None:
     path = table(tmp_path, "time,lat,lon", [iso(D, "", "%Y-%m-%d %H:%M:%S", hours=1), LAT, LON])
     made = plan(path, timezone="Europe/Berlin")  # winter time: one hour ahead of UTC
