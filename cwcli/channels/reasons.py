@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from cwcli.channels.binding import ROLES_WITH_MANY_TOPICS, TRUTH_ROLES, Bindings, ChannelLike, is_truth_topic
@@ -29,12 +30,19 @@ SCHEMAS_BOUND_ONLY_IF_NAMED = frozenset(
 """Types that fill a role only where the user names them, because they may hold anything."""
 UNKNOWN_TYPE_TEXT = "no role takes this type"
 """Reason given for a type that no role takes."""
+FIELDS_NOT_SEARCHED_TEXT = f"{UNKNOWN_TYPE_TEXT}; its fields are not searched, as those of other channels are"
+"""Reason given for the channels of such types beyond the first, where all together would take long."""
 REASONS_COMPLETED_BY_FIRST_MESSAGES = frozenset(
     {UNKNOWN_TYPE_TEXT, USE_BY_ROLELESS_SCHEMA["diagnostic_msgs/DiagnosticArray"]}
 )
 """Reasons that the first messages of a channel may complete: by their fields, or by what they warn of."""
 MAX_FIELDS_SEARCHED_FOR_NUMBERS = 2000
 """Greatest number of fields of a message that are searched for numbers. Chosen by hand."""
+MAX_FIELDS_SEARCHED_OF_ALL_CHANNELS = 30_000
+"""Greatest number of fields of all channels of unknown types together. Chosen by hand: 300 channels of 100."""
+FIELDS_AS_COSTLY_AS_THEIR_CHANNEL, SCHEMA_BYTES_AS_COSTLY_AS_ONE_FIELD = 10, 100
+"""Fields that take about as long as what a channel takes beside its fields, and bytes of a schema that take as long to
+parse as a field to be searched. Chosen by hand."""
 MAX_NESTING_SEARCHED_FOR_NUMBERS = 8
 """Greatest nesting of a message that is searched for numbers. Chosen by hand."""
 MAX_SUGGESTED_OPTIONS_PER_CHANNEL = 2
@@ -104,17 +112,40 @@ def unbound_reasons_by_topic(channels: Sequence[ChannelWithDefinition], bindings
         channels: All channels of the log.
     """
     used = {each.topic for bound in bindings.by_role.values() for one in bound for each in (one, *one.parts)}
-    return {each.topic: _explain_unbound_channel(each, bindings) for each in channels if each.topic not in used}
+    search = _FieldSearch()
+    return {each.topic: _explain_unbound_channel(each, bindings, search) for each in channels if each.topic not in used}
 
 
-def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings) -> UnboundReason:
+class _FieldSearch:
+    """Finds the fields of messages by their definitions, until those of all channels would take long."""
+
+    def __init__(self) -> None:
+        self._kinds_by_schema: dict[tuple[str, bytes], dict[str, FieldKind]] = {}
+        self._n_left = MAX_FIELDS_SEARCHED_OF_ALL_CHANNELS
+
+    def kinds_or_none(self, channel: ChannelWithDefinition) -> dict[str, FieldKind] | None:
+        """Return path -> kind of the fields of a channel, none where they are not known; None at the bound."""
+        if channel.schema_encoding != "ros2msg":
+            return {}
+        if self._n_left <= 0:
+            return None
+        schema = channel.schema_name, channel.schema_data
+        if schema not in self._kinds_by_schema:
+            self._n_left -= len(channel.schema_data) // SCHEMA_BYTES_AS_COSTLY_AS_ONE_FIELD
+            self._kinds_by_schema[schema] = dict(_iter_field_kinds(channel))
+        kinds = self._kinds_by_schema[schema]
+        self._n_left -= len(kinds) + FIELDS_AS_COSTLY_AS_THEIR_CHANNEL
+        return kinds if self._n_left >= 0 else None
+
+
+def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings, search: _FieldSearch) -> UnboundReason:
     if channel.topic.startswith(OWN_TOPIC_PREFIX):
         return UnboundReason("a result of cwcli that no later stage reads")
     if channel.message_count == 0:
         return UnboundReason("it has no messages")
     name = normalise_schema_name(channel.schema_name)
     if not inputs_of_schema(channel.schema_name):
-        return _explain_unknown_type(channel, name)
+        return _explain_unknown_type(channel, name, search)
     if name in SCHEMAS_BOUND_ONLY_IF_NAMED:
         return _explain_ambiguous_type_by_topic_words(channel.topic, name)
     texts: list[str] = []
@@ -155,14 +186,17 @@ def _explain_ambiguous_type_by_topic_words(topic: str, name: str) -> UnboundReas
     return UnboundReason("ego_speed (m/s), only if you name it", tuple(lines))
 
 
-def _explain_unknown_type(channel: ChannelWithDefinition, name: str) -> UnboundReason:
+def _explain_unknown_type(channel: ChannelWithDefinition, name: str, search: _FieldSearch) -> UnboundReason:
     if name in CAN_FRAME_SCHEMAS:
         return UnboundReason(
             "CAN frames need a DBC file", (f"--map ego_speed={channel.topic}:MESSAGE.SIGNAL --dbc FILE",)
         )
     if name in USE_BY_ROLELESS_SCHEMA:
         return UnboundReason(USE_BY_ROLELESS_SCHEMA[name])
-    return explain_unknown_type_by_fields(channel.topic, dict(iter_field_kinds(channel)))
+    kinds = search.kinds_or_none(channel)
+    if kinds is None:
+        return UnboundReason(FIELDS_NOT_SEARCHED_TEXT)
+    return explain_unknown_type_by_fields(channel.topic, kinds)
 
 
 def explain_unknown_type_by_fields(topic: str, kinds: Mapping[str, FieldKind]) -> UnboundReason:
@@ -182,7 +216,7 @@ def suggest_system_warning_commands(topic: str, kinds: Mapping[str, FieldKind]) 
     Args:
         kinds: Path of each leaf field -> what it holds.
     """
-    is_warning_topic = bool(_WARNING_WORDS.intersection(_split_name_into_lower_case_words(topic)))
+    is_warning_topic = kinds and bool(_WARNING_WORDS.intersection(_split_name_into_lower_case_words(topic)))
     found: list[tuple[int, str]] = []
     for path, kind in kinds.items():
         words = set(_split_name_into_lower_case_words(path))
@@ -240,10 +274,8 @@ def format_map_option_if_readable(role: str, topic: str, fields: str) -> list[st
     return format_option_if_printable("--map", f"{role}={topic}:{fields}") if mapping.topic == topic else []
 
 
-def iter_field_kinds(channel: ChannelWithDefinition) -> Iterator[tuple[str, FieldKind]]:
-    """Yield path and kind of the leaf fields of a ROS message, texts left out; nothing for other encodings."""
-    if channel.schema_encoding != "ros2msg":
-        return
+def _iter_field_kinds(channel: ChannelWithDefinition) -> Iterator[tuple[str, FieldKind]]:
+    """Yield path and kind of the leaf fields of a ROS message, texts left out."""
     from cwcli.logs.codecs.ros2msg import SchemaError, find_message_fields, parse_message_definitions
 
     try:
@@ -343,7 +375,8 @@ def _is_numeric_message_field(field: MessageField) -> bool:
     return field.type.startswith(("float", "int", "uint"))
 
 
-def _split_name_into_lower_case_words(name: str) -> list[str]:
+@lru_cache(maxsize=4096)
+def _split_name_into_lower_case_words(name: str) -> tuple[str, ...]:
     """Split a name into lower-case words: `vehicleSpeed_kmh` gives vehicle, speed, kmh."""
     spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
-    return [word for word in re.split(r"[^a-z]+", spaced.lower()) if word]
+    return tuple(word for word in re.split(r"[^a-z]+", spaced.lower()) if word)

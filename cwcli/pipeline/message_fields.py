@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cwcli.channels.reasons import (
+    FIELDS_NOT_SEARCHED_TEXT,
     UNKNOWN_TYPE_TEXT,
     FieldKind,
     UnboundReason,
@@ -39,8 +40,9 @@ def complete_reasons_of_unknown_channels(log: Log, reasons: dict[str, UnboundRea
     schemas = {channel.topic: channel.schema_name for channel in log.channels}
     unknown = [topic for topic, reason in reasons.items() if reason.why == UNKNOWN_TYPE_TEXT and not reason.fields]
     diagnostics = [topic for topic in reasons if schemas[topic].endswith("/DiagnosticArray")]
-    largest = max((each.uncompressed_size for each in log.index.items_of_type(ChunkIndex)), default=1)
-    n_read = min(MAX_CHANNELS_READ_FOR_FIELDS, MAX_BYTES_UNPACKED_FOR_FIELDS // max(largest, 1))
+    n_read = _count_channels_to_read(log)
+    for topic in unknown[n_read:]:
+        reasons[topic] = UnboundReason(FIELDS_NOT_SEARCHED_TEXT)
     for topic in [*unknown, *diagnostics][:n_read]:
         try:
             trees = log.first_message_trees(topic, MAX_MESSAGES_READ_PER_CHANNEL, MAX_BYTES_OF_READ_MESSAGE)
@@ -56,6 +58,14 @@ def complete_reasons_of_unknown_channels(log: Log, reasons: dict[str, UnboundRea
             reasons[topic] = reasons[topic]._replace(tries=(*reasons[topic].tries, *tries))
         elif kinds := field_kinds_of_trees(trees):
             reasons[topic] = explain_unknown_type_by_fields(topic, kinds)
+
+
+def _count_channels_to_read(log: Log) -> int:
+    """Count the channels whose first messages may be read, each of which may be in the largest chunk."""
+    most = log.file.max_chunk_bytes  # a larger one is not unpacked
+    sizes = (each.uncompressed_size for each in log.index.items_of_type(ChunkIndex))
+    largest = max((each for each in sizes if each <= most), default=0)
+    return max(min(MAX_CHANNELS_READ_FOR_FIELDS, MAX_BYTES_UNPACKED_FOR_FIELDS // max(largest, 1)), 1)
 
 
 def field_kinds_of_trees(trees: list[object]) -> dict[str, FieldKind]:

@@ -46,6 +46,7 @@ QUICK = {
     "manifest, a device",
     "bag, 60,000 connections that only its index has",
     "bag, 10 GB of hole",
+    "mcap, 3,000 channels of 2,000 fields, on the screen",
     "mcap.zst, 240 MB of messages of nothing, estimate",
 }
 """The default tests: those that found something, and one of each kind. Each takes a second."""

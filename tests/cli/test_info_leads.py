@@ -7,19 +7,30 @@ import re
 import shlex
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from mcap.writer import Writer as JsonWriter
 from mcap_ros2.writer import Writer
 
+from cwcli.channels import reasons as reasons_module
+from cwcli.channels.binding import bind_roles
 from cwcli.channels.reasons import (
+    FIELDS_NOT_SEARCHED_TEXT,
+    UNKNOWN_TYPE_TEXT,
+    UnboundReason,
     explain_unknown_type_by_fields,
     format_map_option_if_readable,
     suggest_system_warning_commands,
+    unbound_reasons_by_topic,
     warning_condition_of_diagnostics_or_empty,
 )
 from cwcli.cli.info_texts import health_verdict, unused_channel_rows
+from cwcli.logs.codecs import ros2msg
+from cwcli.logs.read.channels import ChannelInfo
+from cwcli.logs.read.reader import Log
+from cwcli.pipeline import message_fields
 from tests.cli.conftest import SAMPLES, Run
 from tests.laws.receiver_messages import HEADER, LINE, TOP
 
@@ -247,3 +258,27 @@ def test_a_large_message_is_not_decoded_for_its_fields(cwcli: Run, tmp_path: Pat
     found = channel(json.loads(cwcli("info", log, "--json").stdout), "/cloud")
     assert (found["fields"], found["try"]) == ([], [])
     assert np.isfinite(found["messages"])
+
+
+def test_channels_whose_messages_are_not_read_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One is read, however large the chunk is, and the others say that they are not."""
+    monkeypatch.setattr(message_fields, "MAX_BYTES_UNPACKED_FOR_FIELDS", 1)
+    log = write_json_log(tmp_path / "json.mcap", {f"/t{k}": ("T", lambda k: {"n": k}) for k in range(3)})
+    with Log.open(log) as opened:
+        reasons = {f"/t{k}": UnboundReason(UNKNOWN_TYPE_TEXT) for k in range(3)}
+        message_fields.complete_reasons_of_unknown_channels(opened, reasons)
+    assert reasons["/t0"].fields == ("n",)
+    assert [reasons[f"/t{k}"].why for k in (1, 2)] == [FIELDS_NOT_SEARCHED_TEXT] * 2
+
+
+def test_fields_of_all_channels_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two channels of a type with two numbers are searched within a bound of 25, and the definition is read once."""
+    parse = Mock(wraps=ros2msg.parse_message_definitions)
+    monkeypatch.setattr(ros2msg, "parse_message_definitions", parse)
+    monkeypatch.setattr(reasons_module, "MAX_FIELDS_SEARCHED_OF_ALL_CHANNELS", 25)
+    definition = b"float64 speed\nfloat64 other"
+    channels = [ChannelInfo(k, f"/t{k}", "p/msg/T", "ros2msg", "cdr", 9, {}, definition) for k in range(4)]
+    found = unbound_reasons_by_topic(channels, bind_roles(channels, {}, required=()))
+    assert [found[f"/t{k}"].fields for k in range(4)] == [("speed", "other")] * 2 + [()] * 2
+    assert [found[f"/t{k}"].why for k in (2, 3)] == [FIELDS_NOT_SEARCHED_TEXT] * 2
+    assert parse.call_count == 1

@@ -607,11 +607,11 @@ def names_beside_logs(folder: Path) -> list[str]:
     return command
 
 
-def described_channels(n: int, topic: str = "", metadata: bytes = b"", last: bytes = b"") -> bytes:
+def described_channels(n: int, topic: str = "", metadata: bytes = b"", last: bytes = b"", schema: int = 0) -> bytes:
     """A chunk of this many channels with a message each."""
     return mcap_chunk(
         b"".join(
-            mcap_channel(k, 0, f"/t{k}{topic}", "json", metadata) + mcap_message(k, T0_NS, b"{}")
+            mcap_channel(k, schema, f"/t{k}{topic}", "json", metadata) + mcap_message(k, T0_NS, b"{}")
             for k in range(1, n + 1)
         )
         + last
@@ -654,6 +654,27 @@ UNLISTED: dict[str, Make] = {
     ),
     "mcap, 60,000 channels, on the screen": later(
         lambda: logged(described_channels(60_000, "x" * 900), command="info")
+    ),
+    "mcap, 60,000 channels of long names with fields, on the screen": later(
+        lambda: logged(
+            mcap_schema(1, "p/msg/T", "ros2msg", b"float64 speed\nbool warning"),
+            described_channels(60_000, "xY9" * 300, schema=1),
+            command="info",
+        )
+    ),
+    "mcap, 3,000 channels of 2,000 fields, on the screen": later(
+        lambda: logged(
+            mcap_schema(1, "p/msg/T", "ros2msg", b"".join(b"float64 speed%d\n" % k for k in range(2000))),
+            described_channels(3000, schema=1),
+            command="info",
+        )
+    ),
+    "mcap, 1,000 channels of a schema of 3 MB, on the screen": later(
+        lambda: logged(
+            mcap_schema(1, "p/msg/T", "ros2msg", b"int8 x\n" + b"# y\n" * 700_000),
+            described_channels(1000, schema=1),
+            command="info",
+        )
     ),
     "mcap, 60 topics in a chunk of 250 MB, on the screen": later(
         lambda: logged(described_channels(60, last=mcap_message(60, T0_NS, bytes(250_000_000))), command="info")
