@@ -30,8 +30,6 @@ _MESSAGE_PREFIX_STRUCT = struct.Struct("<BQHIQQ")
 """A message record before its payload: opcode, length, channel, sequence, log and publish time (MCAP specification)."""
 _MESSAGE_FIELDS_BYTES = 22
 """The size of the fields behind the length."""
-_INDEX_ENTRY_STRUCT = struct.Struct("<QQ")
-"""An entry of a message index: log time in ns, and offset in the chunk (MCAP specification)."""
 
 
 class Output(Protocol):
@@ -65,8 +63,8 @@ class MessageLog:
         self._counts: dict[int, int] = {}
         self._pieces: list[bytes | memoryview] = []
         self._n_bytes = 0
-        self._entries: dict[int, list[bytes]] = {}
-        self._times_ns: list[int] = []
+        # by channel: log time in ns and offset in the chunk of each message, in turn, as in a message index
+        self._entries: dict[int, list[int]] = {}
         output.write(MCAP_MAGIC + record_bytes.encode_header(profile, library))
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
@@ -87,19 +85,16 @@ class MessageLog:
         """Add a message; its publish time is its log time."""
         sequence = self._counts.get(channel_id, 0)
         self._counts[channel_id] = sequence + 1
-        entry = _INDEX_ENTRY_STRUCT.pack(log_time_ns, self._n_bytes)
         entries = self._entries.get(channel_id)
         if entries is None:
-            self._entries[channel_id] = [entry]
-        else:
-            entries.append(entry)
+            entries = self._entries[channel_id] = []
+        entries += log_time_ns, self._n_bytes
         n = _MESSAGE_FIELDS_BYTES + len(payload)
         sequence &= MAX_MESSAGE_SEQUENCE_NUMBER
         self._pieces.append(
             _MESSAGE_PREFIX_STRUCT.pack(Opcode.MESSAGE, n, channel_id, sequence, log_time_ns, log_time_ns)
         )
         self._pieces.append(payload)
-        self._times_ns.append(log_time_ns)
         self._n_bytes += n + 9
         if self._n_bytes > MIN_BYTES_OF_FULL_CHUNK:
             self._write_chunk()
@@ -152,7 +147,8 @@ class MessageLog:
         data = b"".join(self._pieces)
         self._pieces = []
         stored = self._compress(data)
-        start_ns, end_ns = min(self._times_ns), max(self._times_ns)
+        times_ns = [entries[::2] for entries in self._entries.values()]
+        start_ns, end_ns = min(map(min, times_ns)), max(map(max, times_ns))
         start = self._output.position
         crc = zlib.crc32(data)
         self._output.write(record_bytes.encode_chunk_head(start_ns, end_ns, len(data), crc, "lz4", len(stored)))
@@ -161,11 +157,12 @@ class MessageLog:
         offsets: dict[int, int] = {}
         for channel_id, entries in self._entries.items():
             offsets[channel_id] = self._output.position
-            self._output.write(record_bytes.encode_message_index(channel_id, b"".join(entries)))
+            self._output.write(
+                record_bytes.encode_message_index(channel_id, struct.pack(f"<{len(entries)}Q", *entries))
+            )
         index_bytes = self._output.position - end
         self._chunks.append(
             ChunkIndex(start_ns, end_ns, start, end - start, offsets, index_bytes, "lz4", len(stored), len(data))
         )
         self._n_bytes = 0
         self._entries = {}
-        self._times_ns = []
