@@ -20,7 +20,7 @@ ArrowArray = Any
 
 EMPTY_CELL_TEXTS = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "inf", "-inf", "#n/a", "?", "*")
 """Texts that stand for no value, in lower case."""
-DECIMAL_POINT_PATTERN = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
+DECIMAL_POINT_PATTERN = r"^[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?$"
 """A number with a decimal point."""
 DECIMAL_COMMA_PATTERN = r"^[+-]?(\d+,\d*|,\d+)([eE][+-]?\d{1,3})?$"
 """A number with a decimal comma."""
@@ -33,7 +33,7 @@ _DEGREES_MINUTES_PATTERN = (
     r"(?:(?P<sec>\d{1,2}(?:\.\d*)?)\s*(?:[\"\x{2033}]|'')\s*)?(?P<b>[NSEWnsew]?)$"
 )
 """A latitude or longitude in degrees, minutes and perhaps seconds: 48°08'13.2"N."""
-_NUMBER_WITH_UNIT_PATTERN = r"^[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d{1,3})?\s*(?P<unit>[^\d\s.,+-].*)$"
+_NUMBER_WITH_UNIT_PATTERN = r"^[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d{1,3})?\s*(?P<unit>[^\d\s.,+-].*)$"
 """A number with a text behind it."""
 N_KEPT_DECIMALS_OF_TIME = 9
 """Number of decimals of a time that are kept: nanoseconds."""

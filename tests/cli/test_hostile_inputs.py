@@ -46,6 +46,7 @@ QUICK = {
     "manifest, a device",
     "bag, 60,000 connections that only its index has",
     "bag, 10 GB of hole",
+    "tum, numbers of 200,000 digits",
     "mcap, 3,000 channels of 2,000 fields, on the screen",
     "mcap.zst, 240 MB of messages of nothing, estimate",
 }

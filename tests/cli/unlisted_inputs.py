@@ -1125,6 +1125,14 @@ UNLISTED: dict[str, Make] = {
         lambda: file_and("a.ubx", b"".join(ubx(k % 256, k // 256 % 256, b"") for k in range(100_000)))
     ),
     "ubx, counts that lie": file_and("a.ubx", ubx(2, 0x15, b"\xff" * 16) * 9000 + ubx(0x10, 2, b"\xff" * 8) * 9000),
+    "tum, numbers of 200,000 digits": file_and("a.tum", f"1 1 1 1 0 0 0 {'1' * 200_000}x\n" * 3),
+    "csv, a name of 130,000 digits": file_and("a.csv", f"{'1' * 130_000}x,lat,lon\n" + "1.7e9,48,11\n" * 9),
+    "kml, a place of 200,000 digits": file_and(
+        "a.kml",
+        "<kml xmlns:gx='http://www.google.com/kml/ext/2.2'><Placemark><gx:Track>"
+        + f"<when>2024-01-01T00:00:00Z</when><gx:coord>11 48 {'1' * 200_000}x</gx:coord>" * 3
+        + "</gx:Track></Placemark></kml>",
+    ),
     "tum, a cloud of NaN": file_and("a.tum", "nan nan nan nan nan nan nan nan\n" * 60_000),
     # DBC files of a log
     "dbc of a log, a multiplexer of 2^32 values": described_by(lambda: MULTIPLEXED),

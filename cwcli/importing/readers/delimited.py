@@ -28,7 +28,7 @@ BYTES_PARSED_AT_ONCE = 4 << 20
 """Number of bytes that Arrow parses at a time, 4 MiB. Chosen by hand."""
 MAX_COLUMNS = 20_000
 """Greatest number of columns: each takes 5 kB while Arrow reads. Chosen by hand: bus loggers write some thousand."""
-_NUMBER = re.compile(r"^[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?$")
+_NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 _VALUE = re.compile(r"^[+-]?[\d.,:/ TZeE+-]+$")
 MAX_LINES_IN_QUOTED_CELL = 10
 """Greatest number of lines of a text in quotes. Chosen by hand."""

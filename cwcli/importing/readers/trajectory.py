@@ -21,7 +21,7 @@ from cwcli.importing.text_file import iter_text_lines
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-TRAJECTORY_NUMBER_PATTERN = re.compile(r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|^[+-]?(nan|inf)$", re.IGNORECASE)
+TRAJECTORY_NUMBER_PATTERN = re.compile(r"^[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf)$", re.IGNORECASE)
 LINES_PARSED_AT_ONCE = 50_000
 """Number of lines that are parsed at a time. Chosen by hand: they take a few megabytes."""
 POSE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
