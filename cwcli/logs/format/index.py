@@ -8,14 +8,15 @@ from operator import itemgetter
 from typing import NamedTuple, TypeVar
 
 from cwcli.errors import InputError
-from cwcli.input import BYTES_PER_MEGABYTE
+from cwcli.input import BYTES_PER_MEGABYTE, InputFile
 from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.format.joined_file import ChannelRenumbering
 from cwcli.logs.format.metadata_table import MetadataRun, MetadataTable
 from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, Schema, Statistics
 
-MAX_DEFINITION_BYTES = 64_000_000
-"""The greatest size of all schemas and channels of a log. Chosen by hand: recorders write 10 MB at most."""
+MAX_DEFINITION_SHARE_OF_CHUNK_BOUND = 1 / 4
+"""The greatest size of all schemas and channels of a log, as a share of that of a chunk. Chosen by hand: 64 MB of the
+default; recorders write 10 MB at most."""
 BYTES_AS_COSTLY_AS_ONE_METADATA_ENTRY = 128
 """Bytes of definitions that take about as much memory as one entry of a channel's metadata. Chosen by hand."""
 
@@ -79,7 +80,7 @@ class LogIndex:
     data_sections: list[tuple[int, int]] = field(default_factory=list)
     renumberings: list[tuple[int, ChannelRenumbering | None]] = field(default_factory=list)
 
-    def count_definition(self, definition: Schema | Channel, file_name: str) -> None:
+    def count_definition(self, definition: Schema | Channel, file: InputFile) -> None:
         """Count the memory of a schema or a channel that is new.
 
         Raises:
@@ -93,9 +94,12 @@ class LogIndex:
                 BYTES_AS_COSTLY_AS_ONE_METADATA_ENTRY + len(key) + len(value) for key, value in entries
             )
         self.n_definition_bytes += n_bytes
-        if self.n_definition_bytes > MAX_DEFINITION_BYTES:
-            what = f"its schemas and channels take more than {MAX_DEFINITION_BYTES // BYTES_PER_MEGABYTE} MB"
-            raise InputError(what, where=file_name, hint="`mcap filter` makes a log without them")
+        n_most = file.max_chunk_bytes * MAX_DEFINITION_SHARE_OF_CHUNK_BOUND
+        if self.n_definition_bytes > n_most:
+            what = (
+                f"its schemas and channels take more than {n_most / BYTES_PER_MEGABYTE:g} MB, a quarter of --max-chunk"
+            )
+            raise InputError(what, where=file.name, hint="if you trust the log, a larger --max-chunk reads it")
 
     def items_of_type(self, kind: type[Kind]) -> list[Kind]:
         """Return the items of one type, in file order."""

@@ -99,7 +99,7 @@ def _index_parts(file: JoinedFile, read: Callable[[InputFile], LogIndex], *, rec
             note_unreadable_part(file, part, error)
             last = error
             continue
-        _share_equal_definitions(found[-1][1], known, definitions, file.name)
+        _share_equal_definitions(found[-1][1], known, definitions, file)
     if not found:
         raise last
     indexes = [index for _, index in found]
@@ -110,7 +110,7 @@ def _index_parts(file: JoinedFile, read: Callable[[InputFile], LogIndex], *, rec
 
 
 def _share_equal_definitions(
-    index: LogIndex, known: dict[object, Schema | Channel], counter: LogIndex, name: str
+    index: LogIndex, known: dict[object, Schema | Channel], counter: LogIndex, file: InputFile
 ) -> None:
     """Let the schemas and channels of a part that earlier ones have, too, take no memory, and count the others.
 
@@ -123,7 +123,7 @@ def _share_equal_definitions(
             *content, last = each[1:]
             first = known.setdefault((*content, last if isinstance(last, bytes) else tuple(sorted(last.items()))), each)
             if first is each:
-                counter.count_definition(each, name)
+                counter.count_definition(each, file)
             else:
                 definitions[number] = first._replace(id=number)
 

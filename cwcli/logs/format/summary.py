@@ -78,7 +78,7 @@ def read_summary_if_present(
         opcode, begin, at = read_opcode_and_content_range(summary, at, footer_at - start)
         n += opcode not in (Opcode.CHUNK_INDEX, Opcode.SUMMARY_OFFSET, Opcode.METADATA_INDEX)
         check_non_message_record_count(file.name, n)
-        _add_record_to_index(index, opcode, summary, begin, at, file.name)
+        _add_record_to_index(index, opcode, summary, begin, at, file)
         n_alike = n_alike + 1 if opcode == Opcode.METADATA_INDEX else 0
         if n_alike > MIN_RECORDS_FOR_KERNEL:
             at = index.metadata.append_consecutive_records_and_get_end(
@@ -93,7 +93,7 @@ def read_summary_if_present(
     return index
 
 
-def _add_record_to_index(index: LogIndex, opcode: int, data: ByteSource, start: int, end: int, file_name: str) -> None:
+def _add_record_to_index(index: LogIndex, opcode: int, data: ByteSource, start: int, end: int, file: InputFile) -> None:
     """Add one record of the summary to the index.
 
     Raises:
@@ -102,12 +102,14 @@ def _add_record_to_index(index: LogIndex, opcode: int, data: ByteSource, start: 
     """
     if opcode == Opcode.SCHEMA:
         schema = read_record(Schema, data, start, end)
+        if index.schemas.get(schema.id) != schema:
+            index.count_definition(schema, file)
         index.schemas[schema.id] = schema
-        index.count_definition(schema, file_name)
     elif opcode == Opcode.CHANNEL:
         channel = read_channel(data, start, end)
+        if index.channels.get(channel.id) != channel:
+            index.count_definition(channel, file)
         index.channels[channel.id] = channel
-        index.count_definition(channel, file_name)
     elif opcode == Opcode.CHUNK_INDEX:
         index.items.append(read_record(ChunkIndex, data, start, end))
     elif opcode == Opcode.STATISTICS:

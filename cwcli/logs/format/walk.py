@@ -77,7 +77,11 @@ class _DataSectionIndexer:
         self._file = file
         self._faults = faults
         self._recover = recover
-        self._index = LogIndex(schemas=dict(known.schemas), channels=dict(known.channels))
+        self._index = LogIndex(
+            schemas=dict(known.schemas),
+            channels=dict(known.channels),
+            n_definition_bytes=known.n_definition_bytes,
+        )
         self._n_channels = known.statistics.n_channels if known.statistics else None
         self._counts: dict[int, int] = {}
         self._first_ns: int | None = None
@@ -329,7 +333,7 @@ class _DataSectionIndexer:
             definition = read_channel(data, start, end)
             is_new = self._index.channels.setdefault(definition.id, definition) is definition
         if is_new:
-            self._index.count_definition(definition, self._file.name)
+            self._index.count_definition(definition, self._file)
         return definition.id
 
     def _count_message_and_get_channel_id(self, data: ByteSource, start: int, end: int) -> int:

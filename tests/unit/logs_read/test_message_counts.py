@@ -14,6 +14,16 @@ from mcap.writer import Writer
 
 from cwcli.errors import InputError
 from cwcli.logs.read.reader import Log
+from tests.cli.hostile_inputs import (
+    FIX_CHANNEL,
+    FIX_SCHEMA,
+    HEADER,
+    MAGIC,
+    mcap_message,
+    mcap_record,
+    mcap_schema,
+    u64,
+)
 from tests.unit.logs_read.builders import T0_NS
 from tests.unit.logs_read.lying_logs import counting_one_more, hiding
 
@@ -114,3 +124,16 @@ def test_periodic_messages_of_a_log_compressed_whole_are_read(tmp_path: Path, pe
         else:
             with pytest.raises(InputError, match="messages and more are in a file of"):
                 log.columns("/t")
+
+
+@pytest.mark.parametrize("n_times", [1, 3])
+def test_definitions_are_bounded_by_a_quarter_of_a_chunk(tmp_path: Path, n_times: int) -> None:
+    """60 kB of schemas, once or repeated in the summary: refused at 200 kB a chunk, read at 300 kB."""
+    schemas = b"".join(mcap_schema(k, f"T{k}", "jsonschema", b" " * 19_990) for k in range(1, 4)) * n_times
+    body = MAGIC + HEADER + FIX_SCHEMA + FIX_CHANNEL + mcap_message(1, T0_NS, b"{}") + mcap_record(15, bytes(4))
+    footer = mcap_record(2, u64(len(body)) + u64(0) + bytes(4)) + MAGIC
+    (tmp_path / "log.mcap").write_bytes(body + FIX_SCHEMA + FIX_CHANNEL + schemas + footer)
+    with pytest.raises(InputError, match=r"more than 0\.05 MB, a quarter of --max-chunk"):
+        Log.open(tmp_path / "log.mcap", max_chunk_bytes=200_000)
+    with Log.open(tmp_path / "log.mcap", max_chunk_bytes=300_000) as log:
+        assert [each.topic for each in log.channels] == ["/fix"]
