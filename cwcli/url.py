@@ -146,7 +146,8 @@ def encode_credentials(user: str) -> str:
     from urllib.parse import unquote
 
     name, _, password = user.partition(":")
-    return b64encode(f"{unquote(name)}:{unquote(password)}".encode()).decode("ascii")
+    # bytes of the command line that are no UTF-8 are surrogates in it, and sent as they were typed
+    return b64encode(f"{unquote(name)}:{unquote(password)}".encode("utf-8", "surrogateescape")).decode("ascii")
 
 
 class UrlParts(NamedTuple):

@@ -48,6 +48,8 @@ def test_words_of_others_lose_the_secrets_of_their_urls() -> None:
     # as a header carries them: RFC 7617, section 2
     assert redact_urls("QWxhZGRpbjpvcGVuIHNlc2FtZQ==", "https://Aladdin:open%20sesame@host/x") == "***=="
     assert redact_urls("no URL: a?b=c#d e@f", "drive.mcap") == "no URL: a?b=c#d e@f"
+    # a byte of the command line that is no UTF-8: base64 of 75 73 FF 65 72 3A 70 77
+    assert redact_urls("dXP/ZXI6cHc= us\udcffer", "https://us\udcffer:pw@host/x") == "***= ***"
 
 
 def test_two_signatures_of_one_file_are_one_name() -> None:

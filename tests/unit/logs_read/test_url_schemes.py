@@ -8,7 +8,7 @@ import fsspec
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_USAGE, InputError
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_USAGE, InputError
 from cwcli.logs.read.remote import URL_SCHEME_ALIASES, URL_SCHEMES, file_system_and_path
 from cwcli.logs.read.remote_errors import unreadable_url_error
 
@@ -31,6 +31,12 @@ def test_an_unknown_scheme_is_one_line(scheme: str, capsys: pytest.CaptureFixtur
 def test_many_logs_of_an_unknown_scheme_are_refused_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command_line(["run", "github://org/drives/*.mcap", "-d", str(tmp_path / "out")]) == EXIT_USAGE
     assert "URLs that begin with 'github://'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("scheme", ["https", "s3"])
+def test_a_user_name_that_is_no_utf_8_is_hidden(scheme: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command_line(["info", f"{scheme}://us\udcffer:pw@127.0.0.1:1/x"]) == EXIT_BAD_INPUT
+    assert capsys.readouterr().err.startswith(f"error: {scheme}://***@127.0.0.1:1/x: it can't be read: ")
 
 
 def test_whatever_a_store_raises_is_a_known_error(monkeypatch: pytest.MonkeyPatch) -> None:
