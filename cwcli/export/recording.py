@@ -27,6 +27,9 @@ from cwcli.signals.vehicle_state import MAP_FRAME
 RERUN_TIMELINE = "message_log_time"
 """Rerun's name for the timeline of log times of MCAP messages."""
 
+MAX_RERUN_TIME_NS = 2**63 - 1
+"""The latest time that Rerun represents, in ns: its times are signed numbers of 64 bits, those of MCAP unsigned."""
+
 VIEWER_EYE_HEIGHT_M = 150.0
 """Height of the viewer's eye above the ego, m; chosen by eye."""
 
@@ -75,7 +78,8 @@ def encode_recording(log: Log, path: str) -> bytes:
     recording = rr.RecordingStream("cwcli", recording_id=log.begin_sha256().result(), send_properties=False)
     memory = recording.memory_recording()
     rr.set_log_time_enabled(False, recording)
-    rr.send_recording_start_time_nanos(log.start_ns, recording)
+    if log.start_ns <= MAX_RERUN_TIME_NS:
+        rr.send_recording_start_time_nanos(log.start_ns, recording)
     recording.send_blueprint(_make_blueprint(), make_active=False)
     _send_log(recording, log, path, topics_of_log)
     return bytes(memory.drain_as_bytes())

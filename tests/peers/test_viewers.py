@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from subprocess import CompletedProcess
 from typing import Any
@@ -23,7 +23,9 @@ from rerun.chunk import RrdReader
 
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_USAGE
+from cwcli.export.recording import MAX_RERUN_TIME_NS
 from cwcli.logs.read.reader import Log
+from tests.cli import rewritten_logs
 
 ROOT = Path(__file__).parents[2]
 TIMEOUT_S = 600
@@ -218,6 +220,19 @@ def test_two_recordings_of_a_log_hold_the_same_and_no_time_of_the_clock(annotate
     found = read_recording(recorded)
     assert found["/__properties"]["RecordingInfo:start_time"] == [[first_ns]]
     assert [entity for entity, columns in found.items() if "log_time" in columns] == []
+
+
+def test_log_that_begins_after_the_last_time_of_rerun_gives_a_recording_without_a_start(
+    annotated: Path, tmp_path: Path
+) -> None:
+    messages = rewritten_logs.read(annotated)
+    later_ns = MAX_RERUN_TIME_NS + 2 - messages[0].log_time_ns
+    late, target = tmp_path / "late.mcap", tmp_path / "late.rrd"
+    rewritten_logs.write(late, (replace(each, log_time_ns=each.log_time_ns + later_ns) for each in messages))
+    run_tool([sys.executable, "-m", "cwcli", "view", str(late), "-o", str(target)], rerun_environment(tmp_path))
+    found = read_recording(target)
+    assert "RecordingInfo:start_time" not in found["/__properties"]
+    assert len(found["/speed/d9583520"]["Scalars:scalars"]) == 201
 
 
 def test_main_view_draws_the_paths_and_the_ego(recorded: Path) -> None:
