@@ -19,6 +19,9 @@ from cwcli.logs.read.source_format import SourceFormat
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """The first bytes of a zstd frame (RFC 8878, 3.1.1)."""
+MAX_ZSTD_LAYERS = 8
+"""Largest number of times that a file may be packed by zstd. Chosen by hand: once is common, twice happens, and each
+layer costs a copy of the file."""
 ROS1_BAG_MAGIC = b"#ROSBAG V"
 """The first bytes of a ROS 1 bag (http://wiki.ros.org/Bags/Format)."""
 SQLITE_MAGIC = b"SQLite format 3\0"
@@ -89,7 +92,11 @@ def convert_if_needed(file: InputFile, bounds: ReadBounds) -> InputFile:
     try:
         bounds.refuse_holes(file)
         head = bytes(file[:16])
+        n_layers = 0
         while head.startswith(ZSTD_MAGIC):
+            if (n_layers := n_layers + 1) > MAX_ZSTD_LAYERS:
+                what = f"it is packed by zstd more than {MAX_ZSTD_LAYERS} times"
+                raise InputError(what, where=file.name, hint="zstd -d unpacks it once")
             file = _convert_into_temporary_file(file, partial(_decompress_file, file, bounds))
             head = bytes(file[:16])
         if head.startswith((ROS1_BAG_MAGIC, SQLITE_MAGIC)):
