@@ -30,8 +30,8 @@ SCHEMAS_BOUND_ONLY_IF_NAMED = frozenset(
 """Types that fill a role only where the user names them, because they may hold anything."""
 UNKNOWN_TYPE_TEXT = "no role takes this type"
 """Reason given for a type that no role takes."""
-FIELDS_NOT_SEARCHED_TEXT = f"{UNKNOWN_TYPE_TEXT}; its fields are not searched, as those of other channels are"
-"""Reason given for the channels of such types beyond the first, where all together would take long."""
+FIELDS_NOT_SEARCHED_TEXT = f"{UNKNOWN_TYPE_TEXT}; its fields were not searched, because there are too many channels"
+"""Reason given for the last channels of such types, where all together would take long."""
 REASONS_COMPLETED_BY_FIRST_MESSAGES = frozenset(
     {UNKNOWN_TYPE_TEXT, USE_BY_ROLELESS_SCHEMA["diagnostic_msgs/DiagnosticArray"]}
 )
@@ -43,6 +43,10 @@ MAX_FIELDS_SEARCHED_OF_ALL_CHANNELS = 30_000
 FIELDS_AS_COSTLY_AS_THEIR_CHANNEL, SCHEMA_BYTES_AS_COSTLY_AS_ONE_FIELD = 10, 100
 """Fields that take about as long as what a channel takes beside its fields, and bytes of a schema that take as long to
 parse as a field to be searched. Chosen by hand."""
+MAX_OPTION_CHARS = 300
+"""Greatest length of an option's value that is suggested. Chosen by hand."""
+MAX_SPLIT_CHARS = 300
+"""Length of the end of a name that is split into words, which are kept for the next name. Chosen by hand."""
 MAX_NESTING_SEARCHED_FOR_NUMBERS = 8
 """Greatest nesting of a message that is searched for numbers. Chosen by hand."""
 MAX_SUGGESTED_OPTIONS_PER_CHANNEL = 2
@@ -135,7 +139,7 @@ class _FieldSearch:
             self._kinds_by_schema[schema] = dict(_iter_field_kinds(channel))
         kinds = self._kinds_by_schema[schema]
         self._n_left -= len(kinds) + FIELDS_AS_COSTLY_AS_THEIR_CHANNEL
-        return kinds if self._n_left >= 0 else None
+        return kinds
 
 
 def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings, search: _FieldSearch) -> UnboundReason:
@@ -258,8 +262,8 @@ def format_system_warning_command_if_readable(topic: str, condition: str) -> lis
 
 
 def format_option_if_printable(flag: str, value: str) -> list[str]:
-    """Format an option that a shell takes as it stands; [] where the value holds characters that can't be typed."""
-    return [f"{flag} {shlex.quote(value)}"] if value.isprintable() else []
+    """Format an option that a shell takes as it stands; [] where nobody could type its value."""
+    return [f"{flag} {shlex.quote(value)}"] if value.isprintable() and len(value) <= MAX_OPTION_CHARS else []
 
 
 def format_map_option_if_readable(role: str, topic: str, fields: str) -> list[str]:
@@ -375,8 +379,12 @@ def _is_numeric_message_field(field: MessageField) -> bool:
     return field.type.startswith(("float", "int", "uint"))
 
 
-@lru_cache(maxsize=4096)
 def _split_name_into_lower_case_words(name: str) -> tuple[str, ...]:
-    """Split a name into lower-case words: `vehicleSpeed_kmh` gives vehicle, speed, kmh."""
+    """Split the end of a name into lower-case words: `vehicleSpeed_kmh` gives vehicle, speed, kmh."""
+    return _split_short_name_into_lower_case_words(name[-MAX_SPLIT_CHARS:])
+
+
+@lru_cache(maxsize=4096)
+def _split_short_name_into_lower_case_words(name: str) -> tuple[str, ...]:
     spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     return tuple(word for word in re.split(r"[^a-z]+", spaced.lower()) if word)

@@ -28,6 +28,9 @@ unit, or with latitude and longitude exchanged, nearly all rows are such."""
 MIN_DEGREES_BEYOND_RANGE_OF_DAMAGED_PLACE = 1.0
 """Degrees beyond 90 or 180 from which a place is damaged. A drive over a line of 90 or 180 degrees with latitude and
 longitude exchanged, or counted up to 360, goes a little beyond."""
+UNAVAILABLE_PLACES_DEG = ((91.0, 181.0), (90.0000001, 180.0000001))
+"""Latitude and longitude that stand for no position: in AIS (ITU-R M.1371) and the radio of ETSI and SAE (TS 102 894-2,
+J2735: 900000001 and 1800000001)."""
 MAX_ROAD_LATITUDE_DEG = 75.0
 """Greatest size of the latitude of a road. The northernmost, at the North Cape, lies at 71."""
 MAX_DEGREES_THAT_MAY_BE_RADIANS = 3.15
@@ -101,6 +104,7 @@ def find_positions_and_track(meaning: Meaning) -> None:
 def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) -> None:
     values = {"latitude": meaning.numbers_in_file_unit(latitude), "longitude": meaning.numbers_in_file_unit(longitude)}
     _drop_damaged_places(meaning, values)
+    _require_position(meaning, values)
     unscaled, units = dict(values), {}
     for quantity, column in (("latitude", latitude), ("longitude", longitude)):
         choice = meaning.stated_unit(quantity, column)
@@ -117,8 +121,7 @@ def _find_geographic_positions(meaning: Meaning, latitude: str, longitude: str) 
         units[quantity] = choice
     _drop_invalid_fixes(meaning, values)
     _drop_damaged_places(meaning, values)
-    if not np.isfinite(values["latitude"] * values["longitude"]).any():
-        raise DataError("no row has a position", where=meaning.name)
+    _require_position(meaning, values)
     for quantity, limit in (("latitude", MAX_LATITUDE_DEG), ("longitude", MAX_LONGITUDE_DEG)):
         beyond = np.abs(values[quantity]) > limit
         if beyond.any():
@@ -235,11 +238,32 @@ def _apply_hemisphere_sign(meaning: Meaning, values: FloatArray, quantity: str) 
     return np.where(np.isin(upper, ["S", "W"]), -np.abs(values), values)
 
 
+def _require_position(meaning: Meaning, values: dict[str, FloatArray]) -> None:
+    if not np.isfinite(values["latitude"] * values["longitude"]).any():
+        raise DataError("no row has a position", where=meaning.name)
+
+
+def _drop_unavailable_places(meaning: Meaning, values: dict[str, FloatArray]) -> None:
+    for place in UNAVAILABLE_PLACES_DEG:
+        is_unavailable = np.all(
+            [np.abs(values[name] - at) < 1e-9 for name, at in zip(values, place, strict=True)], axis=0
+        )
+        if is_unavailable.any():
+            for each in values.values():
+                each[is_unavailable] = np.nan
+            rows = format_count(int(is_unavailable.sum()), "row")
+            code = f"latitude {place[0]:.10g} and longitude {place[1]:.10g}"
+            meaning.notes.append(f"{rows} at {code}, which stand for no position: left out")
+
+
 def _drop_damaged_places(meaning: Meaning, values: dict[str, FloatArray]) -> None:
     """Leave out the places of few rows that lie beyond 90 or 180 degrees, where all others lie within."""
+    _drop_unavailable_places(meaning, values)
     size = {name: np.abs(values[name]) for name in ("latitude", "longitude")}
     limit = {"latitude": MAX_LATITUDE_DEG, "longitude": MAX_LONGITUDE_DEG}
-    is_damaged = np.any([size[name] > limit[name] + MIN_DEGREES_BEYOND_RANGE_OF_DAMAGED_PLACE for name in size], axis=0)
+    is_damaged = np.any(
+        [size[name] >= limit[name] + MIN_DEGREES_BEYOND_RANGE_OF_DAMAGED_PLACE for name in size], axis=0
+    )
     n_damaged, n_places = int(is_damaged.sum()), int(np.isfinite(size["latitude"] + size["longitude"]).sum())
     if not 0 < n_damaged <= MAX_SHARE_OF_DAMAGED_PLACES * n_places:
         return

@@ -41,9 +41,10 @@ def complete_reasons_of_unknown_channels(log: Log, reasons: dict[str, UnboundRea
     unknown = [topic for topic, reason in reasons.items() if reason.why == UNKNOWN_TYPE_TEXT and not reason.fields]
     diagnostics = [topic for topic in reasons if schemas[topic].endswith("/DiagnosticArray")]
     n_read = _count_channels_to_read(log)
-    for topic in unknown[n_read:]:
+    n_unknown_read = max(n_read - len(diagnostics), 0)
+    for topic in unknown[n_unknown_read:]:
         reasons[topic] = UnboundReason(FIELDS_NOT_SEARCHED_TEXT)
-    for topic in [*unknown, *diagnostics][:n_read]:
+    for topic in [*diagnostics[:n_read], *unknown[:n_unknown_read]]:
         try:
             trees = log.first_message_trees(topic, MAX_MESSAGES_READ_PER_CHANNEL, MAX_BYTES_OF_READ_MESSAGE)
         except InputError as error:

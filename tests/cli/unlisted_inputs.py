@@ -655,6 +655,13 @@ UNLISTED: dict[str, Make] = {
     "mcap, 60,000 channels, on the screen": later(
         lambda: logged(described_channels(60_000, "x" * 900), command="info")
     ),
+    "mcap, 60 channels whose names are 300,000 words each": later(
+        lambda: logged(
+            mcap_schema(1, "p/msg/T", "ros2msg", b"float32 speed"),
+            described_channels(60, "ab9" * 333_000, schema=1).replace(b"json", b"cdr_"),
+            command="info",
+        )
+    ),
     "mcap, 60,000 channels of long names with fields, on the screen": later(
         lambda: logged(
             mcap_schema(1, "p/msg/T", "ros2msg", b"float64 speed\nbool warning"),

@@ -43,8 +43,8 @@ EXAMPLES = (
 Document = dict[str, Any]
 MAX_NAMED_ATTACHMENTS_OR_METADATA_RECORDS = 100
 """Largest number of attachments or metadata records that are named; chosen by hand."""
-MAX_CHANNELS_SHOWN = 2000
-"""Greatest number of channels in a table. Chosen by hand: a hundred times what cars record."""
+MAX_CHANNELS_SHOWN = 500
+"""Greatest number of channels in a table. Chosen by hand: ten times what cars record."""
 MAX_LOG_FACT_CHARACTERS = 5000
 """Longest text of one fact about a log, in characters; chosen by hand."""
 

@@ -146,7 +146,7 @@ def _collect_sentence_of_line(collected: CollectedSentences, line: str) -> None:
         collected.counts[f"{kind} without a {'time' if values.is_fix else 'fix'}"] += 1
         return
     if kind in ("GGA", "RMC") and math.isnan(values.latitude_deg + values.longitude_deg):
-        collected.counts[f"{kind} whose place is none on Earth"] += 1
+        collected.counts[f"{kind} without a readable place"] += 1
     sentences = collected.by_type.setdefault(kind, Sentences())
     sentences.row.append(len(collected.ns_of_day) - 1)
     for name in ("latitude_deg", "longitude_deg", "altitude_m", "speed_mps", "course_deg"):

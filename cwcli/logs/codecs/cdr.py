@@ -32,7 +32,8 @@ DECODE_FAILURE_REASON_BY_KERNEL_STATUS = {
 }
 """Status of the kernel for a message that it could not decode -> reason shown to users."""
 MAX_CACHED_SCHEMA_BYTES = 1 << 16
-"""Size in bytes of the largest schema whose compiled program is cached. Chosen by hand."""
+"""Size in bytes of the largest schema that is one of many whose compiled programs are cached; of larger ones the last
+is. Chosen by hand."""
 MAX_PREALLOCATED_BYTES = 1 << 28
 """Memory in bytes that is allocated before a message is seen: a schema can ask for rows of any size. Chosen by hand."""
 
@@ -51,6 +52,10 @@ def _compile_program_and_xcdr2_operations(
     second = compile_cdr_program(root, definitions, is_wanted_leaf, blobs=blobs, max_align=MAX_ALIGNMENT_XCDR2_BYTES)
     # XCDR2 puts a length before collections of strings and messages, which no ROS 2 recorder writes: not decoded.
     return program, np.zeros((0, 6), np.int32) if second.has_loops else second.operations
+
+
+_compile_large_program_and_xcdr2_operations = lru_cache(maxsize=1)(_compile_program_and_xcdr2_operations.__wrapped__)
+"""As above for a large schema: the many channels that one may have follow each other."""
 
 
 class CdrDecoder:
@@ -83,7 +88,7 @@ class CdrDecoder:
         compiled = (
             _compile_program_and_xcdr2_operations
             if len(schema_data) <= MAX_CACHED_SCHEMA_BYTES
-            else _compile_program_and_xcdr2_operations.__wrapped__
+            else _compile_large_program_and_xcdr2_operations
         )
         self._program, self._program_v2 = compiled(schema_name, schema_data, wanted_fields, frozenset(blobs))
         self.reset(n_expected)

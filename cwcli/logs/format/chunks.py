@@ -30,7 +30,7 @@ BYTES_DECOMPRESSED_AT_ONCE_FROM_CUT_CHUNK = 1 << 16
 """Bytes that are decompressed at a time from a cut chunk, and lost at an error in it. Chosen by hand."""
 BYTES_AS_COSTLY_AS_ONE_MESSAGE = 500
 """Bytes that take about as long to decompress as one message takes to scan, decode and check. Chosen by hand."""
-BYTES_OF_ONE_MESSAGE_FOR_RATIO = 100
+BYTES_OF_ONE_MESSAGE_FOR_RATIO = 200
 """Bytes that each message counts as beside the ratio of a compressed file, at least. Chosen by hand: periodic messages
 take 6 stored bytes or more (measured with zstd at level 19), which stand for 380 with the default ratio."""
 CHUNK_CRC_OFFSET_BYTES = RECORD_PREFIX.size + 24

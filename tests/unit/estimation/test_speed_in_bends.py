@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.measurements import Kind, Measurements
+from cwcli.estimation.speed_in_bends import speed_of_steered_wheels_beyond_axle_mps_per_m2
 from cwcli.signals.vehicle_state import HEADING, SPEED
 from cwcli.simulation.scenario import EGO_VEHICLE_KEY
 from tests.drive_truth import true_states_of_vehicle, truth_stamps_ns
@@ -108,6 +109,12 @@ def test_front_wheels_drive_farther_in_bends_and_do_not_slip(wheelbase_m: float)
     noise = _drive(*ALL)[1].values[:, 0] - VALUES[Kind.SPEED]
     steered = noise + _of_front_wheels(VALUES[Kind.SPEED], YAW_RATE, wheelbase_m)
     assert _judge(_with_fault(_drive(*ALL), Kind.SPEED, lambda _: steered[:, None])).corrections == ()
+
+
+def test_front_wheels_are_as_much_faster_in_reverse() -> None:
+    """3 m/s and 0.3 rad/s are a radius of 10 m: with a wheelbase of 2 m, 3 (sqrt(1 + 0.2^2) - 1) = 0.0594 m/s."""
+    found = speed_of_steered_wheels_beyond_axle_mps_per_m2(np.array([3.0, -3.0]), np.array([0.3, 0.3]))
+    np.testing.assert_allclose(2.0**2 * found, [0.0594, -0.0594], rtol=0.015)
 
 
 @pytest.mark.parametrize(("factor", "n_expected"), [(1.0, 0), (1.05, 1), (0.96, 1)])

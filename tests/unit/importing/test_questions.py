@@ -137,6 +137,14 @@ def test_few_rows_that_are_no_place_on_earth_are_left_out_and_counted(bad: str, 
     np.testing.assert_allclose(values(made, "/gps/fix", "latitude"), np.delete(D.lat_deg, 50), atol=1e-8)
 
 
+@pytest.mark.parametrize(("north", "east"), [("91", "181"), ("90.0000001", "180.0000001"), ("91", "181.0")])
+def test_codes_of_no_position_are_left_out_and_counted(north: str, east: str, tmp_path: Path) -> None:
+    """AIS, ETSI and SAE have such codes; a receiver in a tunnel sends them for long."""
+    made = plan(table(tmp_path, "time,lat,lon", [T, [*LAT[:30], *[north] * (N - 30)], [*LON[:30], *[east] * (N - 30)]]))
+    assert f"{N - 30} rows at latitude {north} and longitude {float(east):.10g}" in notes(made)
+    np.testing.assert_allclose(values(made, "/gps/fix", "latitude"), D.lat_deg[:30], atol=1e-8)
+
+
 def test_rows_of_a_few_degrees_of_too_much_are_asked_about(tmp_path: Path) -> None:
     """A drive over the line of 180 degrees may count on from there; nothing is left out unasked."""
     east = digits(np.linspace(179.999, 180.00001, N), 8)
