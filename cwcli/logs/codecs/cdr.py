@@ -55,7 +55,7 @@ def _compile_program_and_xcdr2_operations(
 
 
 _compile_large_program_and_xcdr2_operations = lru_cache(maxsize=1)(_compile_program_and_xcdr2_operations.__wrapped__)
-"""As above for a large schema: the many channels that one may have follow each other."""
+"""The same for large schemas, of which the last one is kept, because the channels of a schema follow each other."""
 
 
 class CdrDecoder:
