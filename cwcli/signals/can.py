@@ -51,9 +51,9 @@ BYTES_OF_DBC_WORDS = b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ01234
 MAX_DBC_TEXT_BYTES, MAX_DBC_MESSAGE_BYTES, MAX_DBC_BIT = 100_000, 2_048, 16_384
 """The greatest length of a text and of a message in bytes, and the greatest place and length of a signal in bits: the
 parser takes 200 bytes a character, and as long as there are bits. Chosen by hand: a message of SAE J1939 has 1,785."""
-MAX_DBC_TOKENS = 2_000_000
+MAX_DBC_TOKENS = 1_000_000
 """The largest number of words, numbers and marks in a DBC file: cantools holds each as an object of about 100 bytes.
-Chosen by hand: a signal has about 25, so that 50,000 signals with their names of values are read."""
+Chosen by hand: a signal has about 25, so that 25,000 signals with their names of values are read, in some 4 s."""
 MAX_MULTIPLEXER_VALUES = 100_000
 """The largest number of values in the ranges of the multiplexers of a DBC file: cantools lists each. Chosen by hand."""
 MAX_SIGNAL_BITS = 64
