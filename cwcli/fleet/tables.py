@@ -13,12 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import InputError, OutputError
+from cwcli.fleet.rows_in_order import MAX_OPEN_FOOTER_BYTES, OpenTables, RowsInOrder, RowsPiece
 from cwcli.fleet.staged_tables import (
     StagedTable,
     decode_dictionaries,
@@ -52,28 +53,14 @@ PARQUET_MAGIC = b"PAR1"
 """First and last bytes of a Parquet file. Source: the Parquet format."""
 ROWS_PER_ROW_GROUP, ROWS_PER_ROW_GROUP_WITH_LISTS = 65_536, 4_096
 """Rows of a row group, and of one with lists, which are larger. Chosen by hand: a few MB are held for each table."""
-ROWS_PER_READ, BYTES_PER_READ_OF_EACH_COLUMN = 1_024, 16_384
-"""Rows read at a time of each table of each shard, and bytes of each column. Chosen by hand: 8 shards hold some MB."""
 PIECES_PER_JOINED_BLOCK = 256
 """Number of pieces of rows that are joined to one block: each piece takes some kB of memory, however few its rows.
 Chosen by hand."""
 MAX_OPEN_TABLE_FILES = 400
 """Number of files that are open at a time; chosen: below the 1,024 that most systems allow."""
-MAX_OPEN_FOOTER_BYTES = 8_000_000
-"""Bytes of the footers, which list the row groups, of the tables that are read at a time: at least one of each folder.
-In memory they take twelve times as much (measured with pyarrow 26)."""
 MIN_FOOTER_BYTES_OF_TABLE, MAX_FOOTER_SHARE_OF_TABLE = 2_000_000, 1 / 8
 """The size of footer that every table may have, and the share of its file. Chosen by hand: of the tables that cwcli
 writes a footer is a hundredth at most, a tenth where nearly all values are equal."""
-
-
-class RowsPiece(NamedTuple):
-    """Rows of one log: `n` rows from row `first` of a table, whose other rows may be those of other logs."""
-
-    id: str
-    table: pa.Table
-    first: int
-    n: int
 
 
 RowsOfLog = Callable[[str], Iterator[tuple[str, RowsPiece]]]
@@ -86,7 +73,7 @@ class RowSource(Protocol):
     def iter_table_names_and_schemas(self, ids: Sequence[str]) -> Iterable[tuple[str, pa.Schema]]:
         """Yield name and schema of the tables of the logs; equal ones need not be repeated."""
 
-    def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
+    def open_tables_of_logs(self, names: frozenset[str], opened: OpenTables) -> RowsOfLog:
         """Return a function that yields the tables of a log that have these names; ids come in ascending order."""
 
     def count_footer_bytes(self, name: str) -> int:
@@ -110,7 +97,7 @@ class StagedRows:
             for name, table in iter_staged_tables(self.staged_path_of_log(id), unknown):
                 yield name, table.schema
 
-    def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
+    def open_tables_of_logs(self, names: frozenset[str], opened: OpenTables) -> RowsOfLog:
         """Return a function that yields the tables of a log."""
 
         def tables_of_log(id: str) -> Iterator[tuple[str, RowsPiece]]:
@@ -151,17 +138,17 @@ class MergedRows:
             own = [field for field in schema if field.name not in COMMON_COLUMNS]
             yield name, pa.schema(own, metadata=metadata)
 
-    def open_tables_of_logs(self, names: frozenset[str]) -> RowsOfLog:
+    def open_tables_of_logs(self, names: frozenset[str], opened: OpenTables) -> RowsOfLog:
         """Return a function that yields the rows of a log from all tables."""
         readers = {
-            name: _RowsInOrder(self._out / f"{name}{TABLE_FILE_SUFFIX}")
+            name: RowsInOrder(self._out / f"{name}{TABLE_FILE_SUFFIX}", self.count_footer_bytes(name))
             for name in iter_table_names(self._out)
             if name in names
         }
 
         def rows_of_log(id: str) -> Iterator[tuple[str, RowsPiece]]:
             for name, reader in readers.items():
-                for piece in reader.iter_rows_of_log(id):
+                for piece in reader.iter_rows_of_log(id, opened):
                     yield name, piece
 
         return rows_of_log
@@ -190,42 +177,8 @@ def _require_footer_in_bounds(n_bytes: int, path: Path) -> None:
     if n_bytes > n_most:
         found, most = (f"{each / BYTES_PER_MEGABYTE:,.1f} MB" for each in (n_bytes, n_most))
         what = f"the list of its row groups takes {found}, more than {most}"
-        hint = "`cwcli merge` of the folders that it was made of writes row groups of many rows"
+        hint = "run the logs of this folder again, with another one for -d: cwcli writes row groups of many rows"
         raise InputError(what, where=str(path), hint=hint)
-
-
-class _RowsInOrder:
-    """Reads one table from its begin to its end, log by log."""
-
-    def __init__(self, path: Path) -> None:
-        self._pieces = _iter_pieces_by_log(path)
-        self._next = next(self._pieces, None)
-
-    def iter_rows_of_log(self, id: str) -> Iterator[RowsPiece]:
-        """Yield the rows of a log in pieces. Each id must be greater than the one before."""
-        while self._next is not None and self._next.id <= id:
-            if self._next.id == id:
-                yield self._next
-            self._next = next(self._pieces, None)
-
-
-def _iter_pieces_by_log(path: Path) -> Iterator[RowsPiece]:
-    """Yield the rows of each log of a table; those of one log may come in several pieces."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-    from pyarrow import parquet
-
-    try:
-        with parquet.ParquetFile(path, buffer_size=BYTES_PER_READ_OF_EACH_COLUMN) as file:
-            for batch in file.iter_batches(ROWS_PER_READ, use_threads=False):
-                table = pa.Table.from_batches([batch])
-                runs = pc.run_end_encode(batch.column(LOG_COLUMN))
-                first = 0
-                for id, end in zip(runs.values.to_pylist(), runs.run_ends.to_pylist(), strict=True):
-                    yield RowsPiece(id, table, first, end - first)
-                    first = end
-    except (OSError, ValueError, KeyError, pa.ArrowException) as error:
-        raise InputError(f"the table can't be read: {error}", where=str(path)) from error
 
 
 def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str) -> list[str]:
@@ -259,7 +212,8 @@ def write_tables(out: Path, source_of_log: Mapping[str, RowSource], run_id: str)
                 name: _TableWriter(out, name, unify_schemas(schemas[name]), run_id, stack, together)
                 for name in sorted(some)
             }
-            rows_of_log = {id(source): source.open_tables_of_logs(some) for source in sources}
+            opened = OpenTables()
+            rows_of_log = {id(source): source.open_tables_of_logs(some, opened) for source in sources}
             for each in ids:
                 for name, piece in rows_of_log[id(source_of_log[each])](each):
                     writers[name].append_piece(piece)

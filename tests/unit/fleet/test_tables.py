@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from cwcli.errors import InputError
-from cwcli.fleet import tables
+from cwcli.fleet import rows_in_order, tables
 from cwcli.fleet.staged_tables import list_staged_tables, write_staged_tables_file_of_log
 from cwcli.fleet.table_schemas import columns_in_types_of_schema, unify_schemas
 from cwcli.fleet.tables import MergedRows, StagedRows, are_tables_whole, write_tables
@@ -82,9 +82,10 @@ def test_shards_merged_equal_one_run(
     rows = staged_rows(whole)
     names = write_tables(whole, dict.fromkeys(logs, rows), RUN_ID)
     assert names == sorted({name for own in logs.values() for name, _ in own})
-    monkeypatch.setattr(tables, "ROWS_PER_READ", 5)  # how rows are read and joined on the way does not show
+    monkeypatch.setattr(rows_in_order, "ROWS_PER_READ", 5)  # how rows are read and joined on the way does not show
     monkeypatch.setattr(tables, "PIECES_PER_JOINED_BLOCK", 2)
     monkeypatch.setattr(tables, "MAX_OPEN_FOOTER_BYTES", 4_000)
+    monkeypatch.setattr(rows_in_order, "MAX_OPEN_FOOTER_BYTES", 4_000)
     shard_of = {id: int(rng.integers(3)) for id in logs}
     merged: dict[str, MergedRows] = {}
     for k in range(3):
@@ -106,7 +107,7 @@ def test_memory_does_not_hold_a_piece_of_every_log(tmp_path: Path, monkeypatch: 
     held: list[int] = []
     add = tables._TableWriter.append_piece
 
-    def add_and_count(self: tables._TableWriter, piece: tables.RowsPiece) -> None:
+    def add_and_count(self: tables._TableWriter, piece: rows_in_order.RowsPiece) -> None:
         add(self, piece)
         held.append(len(self._pieces) + len(self._pending))
 
@@ -138,6 +139,49 @@ def test_footers_are_bounded_by_the_size_of_each_table(tmp_path: Path, monkeypat
     assert tree(tmp_path / "out") == merged
 
 
+@pytest.mark.parametrize(
+    ("n_logs_of_folder", "n_open_footers", "n_most"),
+    [(1, 6, 1), (3, 6, 6), (3, 2, 2), (3, 0, 1)],
+    ids=["one log each", "logs that alternate", "room for two", "room for less than one"],
+)
+def test_tables_are_open_only_where_their_rows_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, n_logs_of_folder: int, n_open_footers: int, n_most: int
+) -> None:
+    """Six folders, with the logs of shards: the first has log 0, log 6 and log 12, the second log 1 and so on."""
+    monkeypatch.setattr(tables, "ROWS_PER_ROW_GROUP", 16)
+    monkeypatch.setattr(rows_in_order, "ROWS_PER_READ", 5)
+    logs: Logs = {f"log{k:02}": [("metrics", table(x=np.arange(9 + k)))] for k in range(6 * n_logs_of_folder)}
+    source_of_log: dict[str, MergedRows] = {}
+    for k in range(6):
+        out = tmp_path / f"shard{k}"
+        own = {id: logs[id] for id in list(logs)[k::6]}
+        stage(out, own)
+        write_tables(out, dict.fromkeys(own, staged_rows(out)), RUN_ID)
+        source_of_log |= dict.fromkeys(own, MergedRows(out))
+    n_bytes = max(each.count_footer_bytes("metrics") for each in source_of_log.values())
+    for module in (tables, rows_in_order):
+        monkeypatch.setattr(module, "MAX_OPEN_FOOTER_BYTES", n_open_footers * n_bytes)
+    open_files: set[pq.ParquetFile] = set()
+    counts: list[int] = []
+
+    class CountedFile(pq.ParquetFile):
+        def __enter__(self) -> CountedFile:
+            open_files.add(self)
+            counts.append(len(open_files))
+            return self
+
+        def __exit__(self, *error: object) -> None:
+            open_files.discard(self)
+            super().__exit__(*error)
+
+    monkeypatch.setattr(pq, "ParquetFile", CountedFile)
+    write_tables(tmp_path / "merged", source_of_log, RUN_ID)
+    assert max(counts) == n_most and not open_files
+    found = pq.read_table(tmp_path / "merged" / "metrics.parquet", columns=["log", "x"]).to_pydict()
+    assert found["log"] == [id for k, id in enumerate(logs) for _ in range(9 + k)]
+    assert found["x"] == [x for k in range(len(logs)) for x in range(9 + k)]
+
+
 @pytest.mark.parametrize("n_bytes", [-40, -1, 11, 5, 0])
 def test_table_that_was_cut_is_called_no_table(tmp_path: Path, n_bytes: int) -> None:
     stage(tmp_path / "a", {"a": [("metrics", table(x=np.arange(3)))]})
@@ -147,6 +191,14 @@ def test_table_that_was_cut_is_called_no_table(tmp_path: Path, n_bytes: int) -> 
     with pytest.raises(InputError, match="the table can't be read: Parquet") as refused:
         write_tables(tmp_path, {"a": MergedRows(tmp_path / "a")}, RUN_ID)
     assert refused.value.where == str(path)
+
+
+@pytest.mark.parametrize("logs", [[None, "a"], ["a", None], [1, 2]])
+def test_table_of_logs_without_ids_is_refused(tmp_path: Path, logs: list[str | int | None]) -> None:
+    pq.write_table(pa.table({"log": logs, "x": [1.0, 2.0]}), tmp_path / "metrics.parquet")
+    with pytest.raises(InputError, match="an entry of its column log is no text") as refused:
+        write_tables(tmp_path / "out", {"a": MergedRows(tmp_path)}, RUN_ID)
+    assert refused.value.where == str(tmp_path / "metrics.parquet")
 
 
 def test_new_rows_replace_those_of_the_same_log_and_others_stay(tmp_path: Path) -> None:
