@@ -18,8 +18,11 @@ MAX_EXAMINED_ERRORS_OF_CHAIN = 20
 """The greatest number of errors of one chain that are examined; a chain may lead back to itself. Chosen by hand."""
 MAX_SHOWN_CHARS_OF_ERROR = 300
 """The number of characters of the words of a server or library that are shown. Chosen by hand."""
-SECRET_ENVIRONMENT_NAME_PATTERN = re.compile("KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL")
-"""Parts of the names of environment variables in which stores look for what a user may read with."""
+SECRET_ENVIRONMENT_NAME_PATTERN = re.compile("KEY|TOKEN|SECRET|PASSWORD|CREDENTIAL|SIGNATURE|CONNECTION_STRING")
+"""Parts of the names of environment variables in which stores look for what a user may read with, and of the names in
+a connection string of Azure (`AccountName=...;AccountKey=...`)."""
+FILE_ENVIRONMENT_NAME_PATTERN = re.compile("_FILE$|^GOOGLE_APPLICATION_CREDENTIALS$")
+"""Names of environment variables that say in which file a secret is; the file's name is none."""
 MIN_CHARS_OF_ENVIRONMENT_SECRET = 8
 """Least number of characters of such a variable that is hidden. Chosen by hand: shorter ones are parts of words."""
 HTTP_NOT_ALLOWED, HTTP_NO_SUCH_FILE, HTTP_TRY_LATER = {401, 403, 407}, {404, 410}, {408, 425, 429}
@@ -69,28 +72,42 @@ def unreadable_url_error(url: str, error: BaseException) -> InputError:
     if reason is None and isinstance(error, FileNotFoundError) and _is_only_the_file_name(words, redact_url(url)):
         words = "the server does not send it"
         if status is None:
-            reason, detail = "missing", _cause_in_brackets(error, url)
+            reason, detail = "missing", _in_brackets(_words_without_secrets(error.__cause__ or "", url))
     if reason == "missing":  # a store says so where the whole bucket is not there
         said = (_words_without_secrets(each, url) for each in chain)
         bucket = next((each for each in said if "bucket does not exist" in each.lower()), "")
-        detail = f" ({bucket})" if bucket else detail
-    what, hint = (words, "") if reason is None else TEXT_AND_HINT_BY_REASON[reason]
+        detail = _in_brackets(bucket) or detail
+    what, hint = (words[:MAX_SHOWN_CHARS_OF_ERROR], "") if reason is None else TEXT_AND_HINT_BY_REASON[reason]
     return InputError(f"it can't be read: {what}{detail}", where=display_name_of_url(url), hint=hint)
 
 
-def _cause_in_brackets(error: BaseException, url: str) -> str:
-    """Return the cause of an error in brackets, for example that the bucket does not exist; "" if there is none."""
-    why = _words_without_secrets(error.__cause__ or "", url)
-    return f" ({why})" if why else ""
+def _in_brackets(words: str) -> str:
+    """Return words to show in brackets behind a reason, for example that the bucket does not exist; "" if none."""
+    return f" ({words[:MAX_SHOWN_CHARS_OF_ERROR]})" if words else ""
 
 
 def _words_without_secrets(said: object, url: str) -> str:
     """Return what a server or library says on one line, without the secrets of the URL and of the environment."""
-    words = redact_urls(" ".join(str(said).split()), url)
+    words = " ".join(str(said).split())
+    for secret in sorted(_iter_environment_secrets(), key=len, reverse=True):  # one may be the beginning of another
+        words = words.replace(secret, HIDDEN_URL_PART_TEXT)
+    return redact_urls(words, url)
+
+
+def _iter_environment_secrets() -> Iterator[str]:
+    """Yield the secrets of the environment, each on one line, and those inside connection strings."""
     for name, value in os.environ.items():
-        if len(value) >= MIN_CHARS_OF_ENVIRONMENT_SECRET and SECRET_ENVIRONMENT_NAME_PATTERN.search(name.upper()):
-            words = words.replace(value, HIDDEN_URL_PART_TEXT)
-    return words[:MAX_SHOWN_CHARS_OF_ERROR]
+        if not _is_name_of_secret(name) or FILE_ENVIRONMENT_NAME_PATTERN.search(name.upper()):
+            continue
+        named = (part.partition("=") for part in value.split(";"))
+        for each in (value, *(own for part_name, _, own in named if _is_name_of_secret(part_name))):
+            secret = " ".join(each.split())
+            if len(secret) >= MIN_CHARS_OF_ENVIRONMENT_SECRET:
+                yield secret
+
+
+def _is_name_of_secret(name: str) -> bool:
+    return SECRET_ENVIRONMENT_NAME_PATTERN.search(name.upper()) is not None
 
 
 def _iter_causes(error: BaseException) -> Iterator[BaseException]:

@@ -53,3 +53,51 @@ def test_a_store_that_repeats_a_token_of_the_environment_is_told_without_it(monk
     monkeypatch.setenv("CWCLI_TEST_KEY", "the")  # too short for a secret
     said = str(unreadable_url_error("s3://bucket/drive.mcap", OSError("the token 'pl4nt3d/pl4nt3d+' is not known")))
     assert said == "s3://bucket/drive.mcap: it can't be read: the token '***' is not known"
+
+
+@pytest.mark.parametrize(
+    ("variables", "words", "shown"),
+    [
+        ({"A_TOKEN": "abcdefgh", "B_TOKEN": "abcdefgh12345"}, "no abcdefgh12345, abcdefgh", "no ***, ***"),
+        ({"A_TOKEN": "user-abcdefgh"}, "no user-abcdefgh of user", "no *** of ***"),  # the URL's user begins it, too
+        (
+            {"GOOGLE_APPLICATION_CREDENTIALS": "/home/u/key.json", "AWS_WEB_IDENTITY_TOKEN_FILE": "/run/token"},
+            "File /home/u/key.json was not found, nor /run/token",
+            "File /home/u/key.json was not found, nor /run/token",
+        ),
+        (
+            {"SIGNING_KEY": "-----BEGIN KEY-----\nMIIEvQIB\nADANBgkq\n-----END KEY-----\n"},
+            "not a key: -----BEGIN KEY-----\nMIIEvQIB\nADANBgkq\n-----END KEY-----\n.",
+            "not a key: *** .",
+        ),
+        (
+            {"AZURE_STORAGE_CONNECTION_STRING": "AccountName=drives;AccountKey=c2VjcmV0LWtleQ==;EndpointSuffix=x.net"},
+            "drives: c2VjcmV0LWtleQ== in AccountName=drives;AccountKey=c2VjcmV0LWtleQ==;EndpointSuffix=x.net",
+            "drives: *** in ***",
+        ),
+        (
+            {"AZURE_STORAGE_CONNECTION_STRING": "SharedAccessSignature=sv=2022&sig=ab%2Bcd"},
+            "no sv=2022&sig=ab%2Bcd",
+            "no ***",
+        ),
+        ({}, "a" * 301, "a" * 300),
+    ],
+    ids=["longest first", "longer than the user", "files", "lines", "account key", "signature", "long words"],
+)
+def test_secrets_of_the_environment_are_hidden_whole(
+    monkeypatch: pytest.MonkeyPatch, variables: dict[str, str], words: str, shown: str
+) -> None:
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    said = str(unreadable_url_error("s3://user:word@bucket/drive.mcap", OSError(words)))
+    assert said == f"s3://***@bucket/drive.mcap: it can't be read: {shown}"
+
+
+def test_long_words_are_understood_before_they_are_cut() -> None:
+    path = "bucket/" + "folder/" * 40 + "d" * 60 + ".mcap"
+    missing = unreadable_url_error(f"s3://{path}", FileNotFoundError(path))
+    assert missing.what == "it can't be read: there is no such file"
+    no_bucket = FileNotFoundError(path)
+    no_bucket.__cause__ = OSError("x" * 290 + " The specified bucket does not exist")
+    found = unreadable_url_error(f"s3://{path}", no_bucket)
+    assert found.what == f"it can't be read: there is no such file ({'x' * 290} The speci)"
