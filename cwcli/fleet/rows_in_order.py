@@ -19,6 +19,8 @@ ROWS_PER_READ, BYTES_PER_READ_OF_EACH_COLUMN = 1_024, 16_384
 MAX_OPEN_FOOTER_BYTES = 8_000_000
 """Bytes of the footers, which list the row groups, of the tables that are open at a time: at least one table is. In
 memory they take twelve times as much (measured with pyarrow 26)."""
+MAX_OPEN_READ_TABLES = 800
+"""Number of tables that are open to be read at a time; chosen: below the 1,024 files that most systems allow."""
 
 
 class RowsPiece(NamedTuple):
@@ -31,7 +33,7 @@ class RowsPiece(NamedTuple):
 
 
 class OpenTables:
-    """The tables that are open: beyond `MAX_OPEN_FOOTER_BYTES`, the one that was read longest ago is closed.
+    """The tables that are open: where the next is too much for the bounds, the one that was read longest ago is closed.
 
     The logs of shards alternate, so that all of their tables are read at a time.
     """
@@ -43,7 +45,9 @@ class OpenTables:
     def add(self, reader: RowsInOrder) -> None:
         """Make room for a table that is read now."""
         self.discard(reader)
-        while self._readers and self._n_bytes + reader.n_footer_bytes > MAX_OPEN_FOOTER_BYTES:
+        while self._readers and (
+            self._n_bytes + reader.n_footer_bytes > MAX_OPEN_FOOTER_BYTES or len(self._readers) >= MAX_OPEN_READ_TABLES
+        ):
             oldest = next(iter(self._readers))
             oldest.close()
             self.discard(oldest)

@@ -140,16 +140,22 @@ def test_footers_are_bounded_by_the_size_of_each_table(tmp_path: Path, monkeypat
 
 
 @pytest.mark.parametrize(
-    ("n_logs_of_folder", "n_open_footers", "n_most"),
-    [(1, 6, 1), (3, 6, 6), (3, 2, 2), (3, 0, 1)],
-    ids=["one log each", "logs that alternate", "room for two", "room for less than one"],
+    ("n_logs_of_folder", "n_open_footers", "n_open_files", "n_most"),
+    [(1, 6, 6, 1), (3, 6, 6, 6), (3, 2, 6, 2), (3, 0, 6, 1), (3, 6, 2, 2)],
+    ids=["one log each", "logs that alternate", "room for two", "room for less than one", "two files"],
 )
 def test_tables_are_open_only_where_their_rows_are_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, n_logs_of_folder: int, n_open_footers: int, n_most: int
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    n_logs_of_folder: int,
+    n_open_footers: int,
+    n_open_files: int,
+    n_most: int,
 ) -> None:
     """Six folders, with the logs of shards: the first has log 0, log 6 and log 12, the second log 1 and so on."""
     monkeypatch.setattr(tables, "ROWS_PER_ROW_GROUP", 16)
     monkeypatch.setattr(rows_in_order, "ROWS_PER_READ", 5)
+    monkeypatch.setattr(rows_in_order, "MAX_OPEN_READ_TABLES", n_open_files)
     logs: Logs = {f"log{k:02}": [("metrics", table(x=np.arange(9 + k)))] for k in range(6 * n_logs_of_folder)}
     source_of_log: dict[str, MergedRows] = {}
     for k in range(6):
