@@ -12,6 +12,7 @@ Syntax: https://www.rfc-editor.org/rfc/rfc3986#section-3
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -79,16 +80,18 @@ def redact_url(url: str) -> str:
     return shown + (f"#{HIDDEN_URL_PART_TEXT}" if fragment is not None else "")
 
 
-def redact_urls(text: str, url: str = "") -> str:
+def redact_urls(text: str, url: str = "", more_secrets: Iterable[str] = ()) -> str:
     """Words that others wrote, an error's for example, without the secrets of the URLs in them.
 
     Args:
         url: The URL of which they speak. Its secrets are hidden wherever they stand, also without the rest of the URL.
+        more_secrets: Further texts to hide.
     """
     text = text.replace(url, redact_url(url)) if url else text
     if "://" in text:
         text = re.sub(_URL_PATTERN, _redact_match, text)
-    for secret in _secret_spellings(url):
+    # one may be a part of another
+    for secret in sorted({*_secret_spellings(url), *more_secrets}, key=lambda each: (-len(each), each)):
         text = text.replace(secret, HIDDEN_URL_PART_TEXT)
     return text
 
@@ -184,7 +187,7 @@ def _is_no_host_with_port(authority: str) -> bool:
 
 
 def _secret_spellings(url: str) -> list[str]:
-    """What is hidden of a URL, in every spelling that a library may give it; the longest first."""
+    """What is hidden of a URL, in every spelling that a library may give it."""
     match = re.search(_SCHEME_PATTERN, url) if "://" in url else None
     if match is None:
         return []
@@ -201,6 +204,4 @@ def _secret_spellings(url: str) -> list[str]:
     for pair in re.split("[&;]", query or ""):
         raw.append(pair.partition("=")[2])
     every = {spelling for each in raw for spelling in (each, unquote(each), unquote_plus(each))}
-    return sorted(
-        (each for each in every if len(each) >= MIN_CHARS_OF_HIDDEN_VALUE), key=lambda each: (-len(each), each)
-    )
+    return [each for each in every if len(each) >= MIN_CHARS_OF_HIDDEN_VALUE]

@@ -30,7 +30,7 @@ SCHEMAS_BOUND_ONLY_IF_NAMED = frozenset(
 """Types that fill a role only where the user names them, because they may hold anything."""
 UNKNOWN_TYPE_TEXT = "no role takes this type"
 """Reason given for a type that no role takes."""
-FIELDS_NOT_SEARCHED_TEXT = f"{UNKNOWN_TYPE_TEXT}; its fields were not searched, because there are too many channels"
+FIELDS_NOT_SEARCHED_TEXT = f"{UNKNOWN_TYPE_TEXT}; its fields were not searched, because it would take long"
 """Reason given for the last channels of such types, where all together would take long."""
 REASONS_COMPLETED_BY_FIRST_MESSAGES = frozenset(
     {UNKNOWN_TYPE_TEXT, USE_BY_ROLELESS_SCHEMA["diagnostic_msgs/DiagnosticArray"]}

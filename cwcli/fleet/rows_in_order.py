@@ -1,4 +1,4 @@
-"""Reads the rows of logs from merged tables, log by log, of any number of folders within a bound of memory."""
+"""Reads the rows of logs from tables that are merged, log by log, of any number of folders."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ROWS_PER_READ, BYTES_PER_READ_OF_EACH_COLUMN = 1_024, 16_384
-"""Rows read at a time of each table of each shard, and bytes of each column. Chosen by hand: 8 shards hold some MB."""
+"""Rows read at a time of each table of each shard, and bytes of each column. Chosen by hand. The pages of a column, of
+which an open table holds one, are up to a row group each."""
 MAX_OPEN_FOOTER_BYTES = 8_000_000
 """Bytes of the footers, which list the row groups, of the tables that are open at a time: at least one table is. In
 memory they take twelve times as much (measured with pyarrow 26)."""
@@ -33,9 +34,9 @@ class RowsPiece(NamedTuple):
 
 
 class OpenTables:
-    """The tables that are open: where the next is too much for the bounds, the one that was read longest ago is closed.
+    """The tables that are open: where the next is too much for the bounds, the one that was read last is closed.
 
-    The logs of shards alternate, so that all of their tables are read at a time.
+    The logs of shards alternate, so that their tables are read in turns: the one that was read last is needed last.
     """
 
     def __init__(self) -> None:
@@ -48,9 +49,9 @@ class OpenTables:
         while self._readers and (
             self._n_bytes + reader.n_footer_bytes > MAX_OPEN_FOOTER_BYTES or len(self._readers) >= MAX_OPEN_READ_TABLES
         ):
-            oldest = next(iter(self._readers))
-            oldest.close()
-            self.discard(oldest)
+            last = next(reversed(self._readers))
+            last.close()
+            self.discard(last)
         self._readers[reader] = None
         self._n_bytes += reader.n_footer_bytes
 
@@ -71,6 +72,7 @@ class RowsInOrder:
         self._next: RowsPiece | None = None
         self._next_id: str | None = ""  # None after the last row; what is closed in between keeps it
         self._n_rows_before_next = 0
+        self._file_at_first: tuple[int, int, int] | None = None
 
     def iter_rows_of_log(self, id: str, opened: OpenTables) -> Iterator[RowsPiece]:
         """Yield the rows of a log in pieces. Each id must be greater than the one before."""
@@ -78,6 +80,7 @@ class RowsInOrder:
             return
         opened.add(self)
         if self._pieces is None:
+            self._check_unchanged()
             self._pieces = _iter_pieces_by_log(self._path, self._n_rows_before_next)
             self._read_next()
         while self._next is not None and self._next.id <= id:
@@ -93,6 +96,17 @@ class RowsInOrder:
         if self._pieces is not None:
             self._pieces.close()
         self._pieces = self._next = None
+
+    def _check_unchanged(self) -> None:
+        """Check that a table that is opened again is the one that was opened first."""
+        try:
+            found = self._path.stat()
+        except OSError as error:
+            raise InputError(f"the table can't be read: {error.strerror}", where=str(self._path)) from error
+        now = found.st_ino, found.st_size, found.st_mtime_ns
+        if self._file_at_first not in (None, now):
+            raise InputError("the table changed while it was merged", where=str(self._path), hint="merge again")
+        self._file_at_first = now
 
     def _read_next(self) -> None:
         assert self._pieces is not None

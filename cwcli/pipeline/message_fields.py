@@ -41,7 +41,7 @@ def complete_reasons_of_unknown_channels(log: Log, reasons: dict[str, UnboundRea
     unknown = [topic for topic, reason in reasons.items() if reason.why == UNKNOWN_TYPE_TEXT and not reason.fields]
     diagnostics = [topic for topic in reasons if schemas[topic].endswith("/DiagnosticArray")]
     n_read = _count_channels_to_read(log)
-    n_unknown_read = max(n_read - len(diagnostics), 0)
+    n_unknown_read = max(n_read - len(diagnostics), 1)
     for topic in unknown[n_unknown_read:]:
         reasons[topic] = UnboundReason(FIELDS_NOT_SEARCHED_TEXT)
     for topic in [*diagnostics[:n_read], *unknown[:n_unknown_read]]:

@@ -32,7 +32,8 @@ BYTES_AS_COSTLY_AS_ONE_MESSAGE = 500
 """Bytes that take about as long to decompress as one message takes to scan, decode and check. Chosen by hand."""
 BYTES_OF_ONE_MESSAGE_FOR_RATIO = 200
 """Bytes that each message counts as beside the ratio of a compressed file, at least. Chosen by hand: periodic messages
-take 6 stored bytes or more (measured with zstd at level 19), which stand for 380 with the default ratio."""
+of one channel take 6 stored bytes or more (measured with zstd at level 19), which stand for 380 with the default ratio;
+those of channels that share their stamps take half of that or less."""
 CHUNK_CRC_OFFSET_BYTES = RECORD_PREFIX.size + 24
 """Bytes from the start of a chunk record to its CRC (MCAP specification: two times and a size stand before it)."""
 _U32 = struct.Struct("<I")

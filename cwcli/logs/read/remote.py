@@ -11,8 +11,8 @@ from typing import Any
 
 from cwcli.errors import CwcliError, InputError, UsageError, install_hint
 from cwcli.logs.read.read_bounds import DEFAULT_READ_BOUNDS, ReadBounds
-from cwcli.logs.read.remote_errors import unreadable_url_error
-from cwcli.url import display_name_of_url, redact_urls
+from cwcli.logs.read.remote_errors import MAX_SHOWN_CHARS_OF_ERROR, unreadable_url_error, words_without_secrets
+from cwcli.url import display_name_of_url
 
 FILE_SCHEME = "file://"
 """The scheme of URLs of files on this machine."""
@@ -114,8 +114,9 @@ def file_system_and_path(url: str) -> tuple[Any, str]:
     try:
         system, path = url_to_fs(url)
     except (ImportError, ValueError) as error:  # the store's own package is missing, or it can't make sense of the URL
+        first_line = next(iter(str(error).splitlines()), type(error).__name__)
         raise UsageError(
-            redact_urls(next(iter(str(error).splitlines()), type(error).__name__), url),
+            words_without_secrets(first_line, url)[:MAX_SHOWN_CHARS_OF_ERROR],
             where=display_name_of_url(url),
             hint=f"{install_hint('remote')} reads s3://",
         ) from error

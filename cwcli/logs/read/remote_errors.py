@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 
 from cwcli.errors import InputError
-from cwcli.url import HIDDEN_URL_PART_TEXT, display_name_of_url, redact_url, redact_urls
+from cwcli.url import display_name_of_url, redact_url, redact_urls
 
 MAX_EXAMINED_ERRORS_OF_CHAIN = 20
 """The greatest number of errors of one chain that are examined; a chain may lead back to itself. Chosen by hand."""
@@ -67,14 +67,14 @@ def unreadable_url_error(url: str, error: BaseException) -> InputError:
     reason = _reason_from_connection_errors(chain)
     if status is not None and reason != "broken off":  # which aiohttp calls status 400
         reason = _reason_from_http_status(status)
-    words = _words_without_secrets(error, url) or type(error).__name__
+    words = words_without_secrets(error, url) or type(error).__name__
     detail = f" (status {status})" if status is not None and reason != "broken off" else ""
     if reason is None and isinstance(error, FileNotFoundError) and _is_only_the_file_name(words, redact_url(url)):
         words = "the server does not send it"
         if status is None:
-            reason, detail = "missing", _in_brackets(_words_without_secrets(error.__cause__ or "", url))
+            reason, detail = "missing", _in_brackets(words_without_secrets(error.__cause__ or "", url))
     if reason == "missing":  # a store says so where the whole bucket is not there
-        said = (_words_without_secrets(each, url) for each in chain)
+        said = (words_without_secrets(each, url) for each in chain)
         bucket = next((each for each in said if "bucket does not exist" in each.lower()), "")
         detail = _in_brackets(bucket) or detail
     what, hint = (words[:MAX_SHOWN_CHARS_OF_ERROR], "") if reason is None else TEXT_AND_HINT_BY_REASON[reason]
@@ -86,28 +86,27 @@ def _in_brackets(words: str) -> str:
     return f" ({words[:MAX_SHOWN_CHARS_OF_ERROR]})" if words else ""
 
 
-def _words_without_secrets(said: object, url: str) -> str:
+def words_without_secrets(said: object, url: str) -> str:
     """Return what a server or library says on one line, without the secrets of the URL and of the environment."""
-    words = " ".join(str(said).split())
-    for secret in sorted(_iter_environment_secrets(), key=len, reverse=True):  # one may be the beginning of another
-        words = words.replace(secret, HIDDEN_URL_PART_TEXT)
-    return redact_urls(words, url)
+    return redact_urls(" ".join(str(said).split()), url, _iter_environment_secrets())
 
 
 def _iter_environment_secrets() -> Iterator[str]:
     """Yield the secrets of the environment, each on one line, and those inside connection strings."""
+    from urllib.parse import unquote
+
     for name, value in os.environ.items():
         if not _is_name_of_secret(name) or FILE_ENVIRONMENT_NAME_PATTERN.search(name.upper()):
             continue
-        named = (part.partition("=") for part in value.split(";"))
+        named = (part.partition("=") for part in {*value.split(";"), *re.split("[;&?]", value)})
         for each in (value, *(own for part_name, _, own in named if _is_name_of_secret(part_name))):
-            secret = " ".join(each.split())
-            if len(secret) >= MIN_CHARS_OF_ENVIRONMENT_SECRET:
-                yield secret
+            for secret in {" ".join(spelling.split()) for spelling in (each, unquote(each))}:
+                if len(secret) >= MIN_CHARS_OF_ENVIRONMENT_SECRET:
+                    yield secret
 
 
 def _is_name_of_secret(name: str) -> bool:
-    return SECRET_ENVIRONMENT_NAME_PATTERN.search(name.upper()) is not None
+    return name.lower() == "sig" or SECRET_ENVIRONMENT_NAME_PATTERN.search(name.upper()) is not None
 
 
 def _iter_causes(error: BaseException) -> Iterator[BaseException]:

@@ -207,6 +207,17 @@ def test_table_of_logs_without_ids_is_refused(tmp_path: Path, logs: list[str | i
     assert refused.value.where == str(tmp_path / "metrics.parquet")
 
 
+def test_table_that_changes_between_two_openings_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "metrics.parquet"
+    pq.write_table(pa.table({"log": ["a", "b"], "x": [1.0, 2.0]}), path)
+    reader, opened = rows_in_order.RowsInOrder(path, 0), rows_in_order.OpenTables()
+    assert [piece.n for piece in reader.iter_rows_of_log("a", opened)] == [1]
+    reader.close()
+    pq.write_table(pa.table({"log": ["b", "b", "b"], "x": [1.0, 2.0, 3.0]}), path)
+    with pytest.raises(InputError, match="the table changed while it was merged"):
+        list(reader.iter_rows_of_log("b", opened))
+
+
 def test_new_rows_replace_those_of_the_same_log_and_others_stay(tmp_path: Path) -> None:
     logs = logs_of_one_schema(np.random.default_rng(1))
     changed = {**logs, "log3": logs["log4"]}

@@ -8,7 +8,7 @@ import fsspec
 import pytest
 
 from cwcli.cli.main import run_command_line
-from cwcli.errors import EXIT_BAD_INPUT, EXIT_USAGE, InputError
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_USAGE, InputError, UsageError
 from cwcli.logs.read.remote import URL_SCHEME_ALIASES, URL_SCHEMES, file_system_and_path
 from cwcli.logs.read.remote_errors import unreadable_url_error
 
@@ -80,16 +80,32 @@ def test_a_store_that_repeats_a_token_of_the_environment_is_told_without_it(monk
             "no sv=2022&sig=ab%2Bcd",
             "no ***",
         ),
+        (
+            {"AZURE_STORAGE_SAS_TOKEN": "?sv=2022&sig=abcd%2Befgh"},
+            "no sig=abcd%2Befgh, no abcd+efgh",
+            "no sig=***, no ***",
+        ),
+        ({"A_TOKEN": "password"}, "no password1234", "no ***"),  # it begins the password of the URL
         ({}, "a" * 301, "a" * 300),
     ],
-    ids=["longest first", "longer than the user", "files", "lines", "account key", "signature", "long words"],
+    ids=[
+        "longest first",
+        "longer than the user",
+        "files",
+        "lines",
+        "account key",
+        "signature",
+        "parts of a signature",
+        "shorter than the password",
+        "long words",
+    ],
 )
 def test_secrets_of_the_environment_are_hidden_whole(
     monkeypatch: pytest.MonkeyPatch, variables: dict[str, str], words: str, shown: str
 ) -> None:
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    said = str(unreadable_url_error("s3://user:word@bucket/drive.mcap", OSError(words)))
+    said = str(unreadable_url_error("s3://user:password1234@bucket/drive.mcap", OSError(words)))
     assert said == f"s3://***@bucket/drive.mcap: it can't be read: {shown}"
 
 
@@ -101,3 +117,13 @@ def test_long_words_are_understood_before_they_are_cut() -> None:
     no_bucket.__cause__ = OSError("x" * 290 + " The specified bucket does not exist")
     found = unreadable_url_error(f"s3://{path}", no_bucket)
     assert found.what == f"it can't be read: there is no such file ({'x' * 290} The speci)"
+
+
+def test_what_a_store_says_of_a_url_that_it_cannot_use_hides_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(url: str) -> None:
+        raise ValueError("account key c2VjcmV0LWtleQ== is no base64")
+
+    monkeypatch.setenv("AZURE_STORAGE_CONNECTION_STRING", "AccountName=drives;AccountKey=c2VjcmV0LWtleQ==")
+    monkeypatch.setattr("fsspec.core.url_to_fs", fails)
+    with pytest.raises(UsageError, match=r"account key \*\*\* is no base64"):
+        file_system_and_path("az://box/drive.mcap")
