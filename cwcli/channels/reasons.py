@@ -220,7 +220,7 @@ def suggest_system_warning_commands(topic: str, kinds: Mapping[str, FieldKind]) 
     Args:
         kinds: Path of each leaf field -> what it holds.
     """
-    is_warning_topic = kinds and bool(_WARNING_WORDS.intersection(_split_name_into_lower_case_words(topic)))
+    is_warning_topic = bool(kinds) and bool(_WARNING_WORDS.intersection(_split_name_into_lower_case_words(topic)))
     found: list[tuple[int, str]] = []
     for path, kind in kinds.items():
         words = set(_split_name_into_lower_case_words(path))

@@ -272,7 +272,7 @@ def test_channels_whose_messages_are_not_read_are_told(tmp_path: Path, monkeypat
 
 
 def test_fields_of_all_channels_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a type with two numbers a channel costs 12, and the one that meets the bound of 23 is the last one."""
+    """A channel with two numbers costs 12, so that two are searched within a bound of 23; the type is parsed once."""
     parse = Mock(wraps=ros2msg.parse_message_definitions)
     monkeypatch.setattr(ros2msg, "parse_message_definitions", parse)
     monkeypatch.setattr(reasons_module, "MAX_FIELDS_SEARCHED_OF_ALL_CHANNELS", 23)

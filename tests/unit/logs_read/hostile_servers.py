@@ -16,7 +16,7 @@ Answer = Callable[[socket.socket, str, int], None]
 MAGIC = b"\x89MCAP0\r\n"
 SECRET = "pl4nt3d"
 SECRETS = SECRET, SECRET[:-2], base64.b64encode(f"{SECRET}:{SECRET}".encode()).decode()
-"""As it is, cut, and as a request carries user and password."""
+"""A planted secret is looked for as it is, cut, and as the header of a request carries user and password."""
 
 
 def head(status: str = "200 OK", **fields: str) -> bytes:
