@@ -22,6 +22,8 @@ from typing import ClassVar
 
 import pytest
 
+from cwcli.cli.main import run_command_line
+from cwcli.errors import EXIT_BAD_INPUT
 from tests.cli.fleet_logs import cut, tree
 from tests.cli.warm_process import WarmProcess
 
@@ -389,3 +391,8 @@ def test_a_store_that_throttles_without_end_is_one_line(
         done = call_cwcli(few, tmp_path, "run", log, "-d", "s3://runs/never", "-q")
     assert done.returncode == 6, done.stderr
     assert "s3://runs/never: it can't be read: the server can't answer now" in " ".join(done.stderr.split())
+
+
+def test_a_user_name_that_is_no_utf_8_is_hidden(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command_line(["info", "s3://us\udcffer:pw@127.0.0.1:1/x"]) == EXIT_BAD_INPUT
+    assert capsys.readouterr().err.startswith("error: s3://***@127.0.0.1:1/x: it can't be read: ")

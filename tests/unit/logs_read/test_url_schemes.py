@@ -33,10 +33,9 @@ def test_many_logs_of_an_unknown_scheme_are_refused_too(tmp_path: Path, capsys: 
     assert "URLs that begin with 'github://'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("scheme", ["https", "s3"])
-def test_a_user_name_that_is_no_utf_8_is_hidden(scheme: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command_line(["info", f"{scheme}://us\udcffer:pw@127.0.0.1:1/x"]) == EXIT_BAD_INPUT
-    assert capsys.readouterr().err.startswith(f"error: {scheme}://***@127.0.0.1:1/x: it can't be read: ")
+def test_a_user_name_that_is_no_utf_8_is_hidden(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command_line(["info", "https://us\udcffer:pw@127.0.0.1:1/x"]) == EXIT_BAD_INPUT
+    assert capsys.readouterr().err.startswith("error: https://***@127.0.0.1:1/x: it can't be read: ")
 
 
 def test_whatever_a_store_raises_is_a_known_error(monkeypatch: pytest.MonkeyPatch) -> None:
