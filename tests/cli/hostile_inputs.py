@@ -657,6 +657,14 @@ def times_of(*rows: str) -> str:
     return "time,lat,lon\n" + "".join(f"{each},48.1,11.5\n" for each in rows)
 
 
+def topics_sharing_a_chunk(folder: Path) -> list[str]:
+    """The doctor meets 3,000 topics whose messages lie in one chunk of 200 MB."""
+    ids = range(1, 3001)
+    channels = (mcap_channel(each, 0, f"/{each}", "json") for each in ids)
+    messages = b"".join(mcap_message(each, T0_NS, b'{"a":"' + b" " * 66_000 + b'"}') for each in ids)
+    return logged(*channels, mcap_chunk(messages), command="info", options=["--doctor"])(folder)
+
+
 ATTACKS: dict[str, Make] = {
     # MCAP
     "mcap, one chunk in 100,000 entries of the summary": same_chunk_indexed_often,
@@ -709,6 +717,7 @@ ATTACKS: dict[str, Make] = {
     "mcap, 20,000 transforms in a circle": sent(
         "/tf", "foxglove.FrameTransform", transforms(20_000, in_circle=True), "info", "--doctor"
     ),
+    "mcap, 3,000 topics share a chunk of 200 MB": topics_sharing_a_chunk,
     "mcap, 30,000 stations of one message": sent("/bsm", "BasicSafetyMessage", stations(30_000), "estimate"),
     "mcap, a PNG of 60,000 by 60,000": sent(
         "/camera", "foxglove.CompressedImage", picture(png(60_000, 60_000, 1000), "png"), "lanes"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from mcap_ros2.writer import Writer
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.reasons import suggest_map_options, unbound_reasons_by_topic
 from cwcli.errors import InputError
+from cwcli.logs.format.chunks import ChunkError, decompress_chunk
+from cwcli.logs.read import message_reader
 from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.health import clock_drift_ms_per_min, measure_topic_health
@@ -183,6 +186,41 @@ def test_damage_is_no_unknown_encoding(log: Path) -> None:
         measure_topic_health(opened, ["/gps/a"])
     with Log.open(str(log), recover=True) as opened:
         assert [each.topic for each in measure_topic_health(opened, ["/gps/a"])] == ["/gps/a"]
+
+
+@pytest.mark.parametrize("is_damaged", [False, True])
+def test_a_chunk_that_many_topics_share_is_unpacked_once_for_64_of_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_damaged: bool
+) -> None:
+    path = tmp_path / "shared.mcap"
+    with path.open("wb") as stream:
+        writer = JsonWriter(stream)
+        writer.start()
+        unknown = writer.register_schema("Secret", "nosuch", b"")
+        ids = [
+            writer.register_channel(f"/{k}", "nosuch" if k % 2 else "json", unknown if k % 2 else 0) for k in range(200)
+        ]
+        for second in range(10):
+            for channel_id in ids:
+                writer.add_message(channel_id, T0_NS + second * 10**9, b"{}", T0_NS)
+        writer.finish()
+    n_unpacked = 0
+
+    def unpack(*arguments: Any, **options: Any) -> memoryview:
+        nonlocal n_unpacked
+        n_unpacked += 1
+        if is_damaged:
+            raise ChunkError("its CRC is wrong")
+        return decompress_chunk(*arguments, **options)
+
+    monkeypatch.setattr(message_reader, "decompress_chunk", unpack)
+    with Log.open(str(path), recover=is_damaged) as log:
+        found = {each.topic: each for each in measure_topic_health(log, [f"/{k}" for k in range(200)])}
+    assert list(found) == [f"/{k}" for k in range(200)]
+    assert n_unpacked == (1 if is_damaged else 2)  # 100 topics that can be read
+    assert {found[f"/{k}"].undecodable for k in range(1, 200, 2)} == {-1}
+    readable = [found[f"/{k}"] for k in range(0, 200, 2)]
+    assert {(each.messages, each.undecodable) for each in readable} == {(10, -1 if is_damaged else 0)}
 
 
 @pytest.mark.parametrize(

@@ -103,6 +103,7 @@ class MessageReader:
         self._faults = faults
         self._recover = recover
         self._counted: set[int] = set()
+        self._lost: set[int] = set()
         self._verified: set[int] = set()
         self.trusts_indexes = index.has_message_counts
         self._checked: set[int] = set()
@@ -383,7 +384,9 @@ class MessageReader:
             pool.shutdown(wait=True, cancel_futures=True)
 
     def _decompress_chunk(self, chunk: ChunkIndex) -> memoryview:
-        """Return the records of a chunk, with the log's channel ids."""
+        """Return the records of a chunk, with the log's channel ids; one that was found lost is not read again."""
+        if chunk.chunk_start in self._lost:
+            raise ChunkError("it was found damaged before")
         if chunk.chunk_start in self._index.cut_chunks:
             self._count_fault_once(chunk.chunk_start, "chunks_partial")
             return self._index.records_with_log_ids(
@@ -403,6 +406,7 @@ class MessageReader:
         at = chunk.chunk_start
         if not self._recover:
             raise self._error_about_damage(str(error), at, error.hint) from error
+        self._lost.add(at)
         if at not in self._counted:
             self._counted.add(at)
             self._faults.chunks_lost += 1

@@ -276,6 +276,20 @@ class Log:
         """Load one topic as columns; see `load`."""
         return self.load_topics({topic: fields})[topic]
 
+    def check_topic_schema(self, topic: str, fields: Collection[str] | None = None) -> None:
+        """Check that a topic of the file has one schema, which can be decoded; no message is read.
+
+        Raises:
+            MissingSignalError: There is no such topic.
+            InputError: Its encoding or schema is unknown.
+            DataError: It has several schemas.
+        """
+        from cwcli.logs.read.columns import check_single_schema, make_channel_decoder
+
+        channels = self._file_channels_of_topic(topic)
+        check_single_schema(channels, self.name)
+        make_channel_decoder(channels[0], fields, self.name)
+
     def frames(self, topic: str, spans_ns: Sequence[tuple[int, int]] | None = None) -> Iterator[Frame]:
         """Yield the camera frames of a topic in log-time order.
 
