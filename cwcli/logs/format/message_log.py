@@ -1,20 +1,22 @@
 """Writes schemas, channels and messages as a log, in the order in which they come.
 
-Chunks are those of the official library's writer byte for byte. What is not hot in it is not written here: attachments
-and metadata.
+Chunks are those of the official library's writer byte for byte; those that would not shrink are not compressed. What is
+not hot in it is not written here: attachments and metadata.
 
 Format: https://mcap.dev/spec
 """
 
 from __future__ import annotations
 
-import struct
 import zlib
 from typing import Protocol
 
+from cwcli.kernels.record_write import write_records
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
     MCAP_MAGIC,
+    MESSAGE_HEADER_BYTES,
+    RECORD_PREFIX,
     Channel,
     ChunkIndex,
     Opcode,
@@ -24,12 +26,14 @@ from cwcli.logs.format.records import (
 
 MIN_BYTES_OF_FULL_CHUNK = 1 << 20
 """The size in bytes beyond which a chunk is written, as in the official library."""
-MAX_MESSAGE_SEQUENCE_NUMBER = 0xFFFFFFFF
-"""The greatest sequence number of a message: the format has 32 bits for it (MCAP specification)."""
-_MESSAGE_PREFIX_STRUCT = struct.Struct("<BQHIQQ")
-"""A message record before its payload: opcode, length, channel, sequence, log and publish time (MCAP specification)."""
-_MESSAGE_FIELDS_BYTES = 22
-"""The size of the fields behind the length."""
+N_COMPRESSION_SAMPLES, BYTES_OF_COMPRESSION_SAMPLE, MIN_BYTES_TO_SAMPLE = 16, 2048, 1 << 18
+"""Number and size in bytes of the samples that tell whether a chunk shrinks, and the size in bytes from which samples
+are taken. Chosen by hand: they cost a thirtieth of the whole."""
+MAX_COMPRESSED_SHARE = 0.8
+"""The share of their size up to which samples must shrink for a chunk to be compressed. Chosen by hand: below it, the
+time to compress and to unpack is worth more than the room."""
+_MESSAGE_RECORD_BYTES_WITHOUT_PAYLOAD = RECORD_PREFIX.size + MESSAGE_HEADER_BYTES
+"""The size in bytes of a message record without its payload (MCAP specification)."""
 
 
 class Output(Protocol):
@@ -57,45 +61,34 @@ class MessageLog:
 
         self._compress = lz4.frame.compress
         self._output = output
-        self._schemas: list[Schema] = []
-        self._channels: list[Channel] = []
+        self._schema_records: list[bytes] = []
+        self._channel_records: list[bytes] = []
         self._chunks: list[ChunkIndex] = []
         self._counts: dict[int, int] = {}
-        self._pieces: list[bytes | memoryview] = []
+        self._pieces: list[bytes | tuple[int, int, bytes]] = []
         self._n_bytes = 0
-        # by channel: log time in ns and offset in the chunk of each message, in turn, as in a message index
-        self._entries: dict[int, list[int]] = {}
+        self._n_messages_in_chunk = 0
         output.write(MCAP_MAGIC + record_bytes.encode_header(profile, library))
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema; returns its id."""
-        schema = Schema(len(self._schemas) + 1, name, encoding, data)
-        self._schemas.append(schema)
-        self._add_piece(record_bytes.encode_record(schema))
-        return schema.id
+        schema_id = len(self._schema_records) + 1
+        self._schema_records.append(record_bytes.encode_record(Schema(schema_id, name, encoding, data)))
+        self._add_piece(self._schema_records[-1])
+        return schema_id
 
     def add_channel(self, channel: Channel) -> int:
         """Add a channel, whose own id does not count; returns its id."""
-        channel = channel._replace(id=len(self._channels) + 1)
-        self._channels.append(channel)
-        self._add_piece(record_bytes.encode_record(channel))
-        return channel.id
+        channel_id = len(self._channel_records) + 1
+        self._channel_records.append(record_bytes.encode_record(channel._replace(id=channel_id)))
+        self._add_piece(self._channel_records[-1])
+        return channel_id
 
-    def add_message(self, channel_id: int, log_time_ns: int, payload: bytes | memoryview) -> None:
+    def add_message(self, channel_id: int, log_time_ns: int, payload: bytes) -> None:
         """Add a message; its publish time is its log time."""
-        sequence = self._counts.get(channel_id, 0)
-        self._counts[channel_id] = sequence + 1
-        entries = self._entries.get(channel_id)
-        if entries is None:
-            entries = self._entries[channel_id] = []
-        entries += log_time_ns, self._n_bytes
-        n = _MESSAGE_FIELDS_BYTES + len(payload)
-        sequence &= MAX_MESSAGE_SEQUENCE_NUMBER
-        self._pieces.append(
-            _MESSAGE_PREFIX_STRUCT.pack(Opcode.MESSAGE, n, channel_id, sequence, log_time_ns, log_time_ns)
-        )
-        self._pieces.append(payload)
-        self._n_bytes += n + 9
+        self._pieces.append((channel_id, log_time_ns, payload))
+        self._n_messages_in_chunk += 1
+        self._n_bytes += _MESSAGE_RECORD_BYTES_WITHOUT_PAYLOAD + len(payload)
         if self._n_bytes > MIN_BYTES_OF_FULL_CHUNK:
             self._write_chunk()
 
@@ -106,8 +99,8 @@ class MessageLog:
         start = self._output.position
         summary, offsets = bytearray(), bytearray()
         groups = {
-            Opcode.SCHEMA: [record_bytes.encode_record(each) for each in self._schemas],
-            Opcode.CHANNEL: [record_bytes.encode_record(each) for each in self._channels],
+            Opcode.SCHEMA: self._schema_records,
+            Opcode.CHANNEL: self._channel_records,
             Opcode.STATISTICS: [record_bytes.encode_record(self._statistics())],
             Opcode.CHUNK_INDEX: [record_bytes.encode_record(each) for each in self._chunks],
         }
@@ -124,8 +117,8 @@ class MessageLog:
         spans = [(each.start_ns, each.end_ns) for each in self._chunks]
         return Statistics(
             n_messages=sum(self._counts.values()),
-            n_schemas=len(self._schemas),
-            n_channels=len(self._channels),
+            n_schemas=len(self._schema_records),
+            n_channels=len(self._channel_records),
             n_attachments=0,
             n_metadata=0,
             n_chunks=len(self._chunks),
@@ -142,27 +135,31 @@ class MessageLog:
 
     def _write_chunk(self) -> None:
         """Write the chunk in progress, if it has messages."""
-        if not self._entries:
+        if not self._n_messages_in_chunk:
             return
-        data = b"".join(self._pieces)
-        self._pieces = []
-        stored = self._compress(data)
-        times_ns = [entries[::2] for entries in self._entries.values()]
-        start_ns, end_ns = min(map(min, times_ns)), max(map(max, times_ns))
+        data, entries = bytearray(self._n_bytes), dict[int, bytearray]()
+        start_ns, end_ns = write_records(self._pieces, self._counts, entries, data)
+        compression = "lz4" if self._shrinks_enough(data) else ""
+        stored = self._compress(data) if compression else data
         start = self._output.position
         crc = zlib.crc32(data)
-        self._output.write(record_bytes.encode_chunk_head(start_ns, end_ns, len(data), crc, "lz4", len(stored)))
+        self._output.write(record_bytes.encode_chunk_head(start_ns, end_ns, len(data), crc, compression, len(stored)))
         self._output.write(stored)
         end = self._output.position
         offsets: dict[int, int] = {}
-        for channel_id, entries in self._entries.items():
+        for channel_id, own in entries.items():
             offsets[channel_id] = self._output.position
-            self._output.write(
-                record_bytes.encode_message_index(channel_id, struct.pack(f"<{len(entries)}Q", *entries))
-            )
+            self._output.write(record_bytes.encode_message_index(channel_id, bytes(own)))
         index_bytes = self._output.position - end
         self._chunks.append(
-            ChunkIndex(start_ns, end_ns, start, end - start, offsets, index_bytes, "lz4", len(stored), len(data))
+            ChunkIndex(start_ns, end_ns, start, end - start, offsets, index_bytes, compression, len(stored), len(data))
         )
-        self._n_bytes = 0
-        self._entries = {}
+        self._pieces, self._n_bytes, self._n_messages_in_chunk = [], 0, 0
+
+    def _shrinks_enough(self, data: bytearray) -> bool:
+        """Tell from samples whether it pays to compress a chunk: pictures do not shrink, and to try takes long."""
+        if len(data) < MIN_BYTES_TO_SAMPLE:
+            return True
+        step = len(data) // N_COMPRESSION_SAMPLES
+        samples = b"".join(data[at : at + BYTES_OF_COMPRESSION_SAMPLE] for at in range(0, len(data), step))
+        return len(self._compress(samples)) < MAX_COMPRESSED_SHARE * len(samples)

@@ -18,7 +18,7 @@ from cwcli.logs.read.read_bounds import ReadBounds
 from cwcli.logs.read.source_format import SourceFormat
 from cwcli.output_stream import OutputStream
 
-ChannelTimePayload = tuple[int, int, bytes | memoryview]
+ChannelTimePayload = tuple[int, int, bytes]
 """The channel id, the log time in ns and the payload of a message."""
 Content = Schema | Channel | ChannelTimePayload
 
