@@ -4,9 +4,9 @@ Each fault of `sensor_faults` is put into simulated drives, full (fix, heading, 
 are the position's error beside that of the drive without the fault, whether source and fault are named, and the NEES
 beside the verdict. A case is good where the error is within HARMLESS of the fault-free one, or source and fault are
 named; and bad in any case where the verdict finds no fault with a NEES above MAX_NEES. A drift of the fixes may also be
-excepted by the verdict, as what the sources do not show. `--quiet` runs the whole
-estimate of drives without a fault and of the logs of `--logs` instead: nothing may be corrected or named there. The exit code is 1 where less than MIN_SHARE
-of the cases is good, a verdict is wrong, or something is corrected without a fault.
+excepted by the verdict, as what the sources do not show. `--quiet` runs the whole estimate of drives without a fault and
+of the logs of `--logs` instead: nothing may be corrected or named there. The exit code is 1 where less than MIN_SHARE of
+the cases is good, a verdict is wrong, or something is corrected without a fault.
 
 `--kept-aside` runs those faults that were kept aside; without it they are left out. `--results FILE` adds each case to a
 file of JSON lines, and cases that it has are not run again: so the study can be stopped and go on.
