@@ -18,4 +18,7 @@ def write_records(
     Raises:
         ValueError: `out` has another size.
         OverflowError: A channel id or a log time does not fit into a record.
+        TypeError: A payload is not `bytes`.
+
+        What was written until then stays in `counts`, `entries` and `out`.
     """

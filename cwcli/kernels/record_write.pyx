@@ -13,10 +13,6 @@ cdef enum:
     INDEX_ENTRY_BYTES = 16
 
 
-cdef inline void put(uint8_t* at, const void* value, size_t n) noexcept nogil:
-    memcpy(at, value, n)
-
-
 def write_records(list pieces, dict counts, dict entries, bytearray out):
     cdef uint8_t* start = <uint8_t*> PyByteArray_AsString(out)
     cdef uint8_t* at
@@ -26,7 +22,7 @@ def write_records(list pieces, dict counts, dict entries, bytearray out):
     cdef uint16_t channel_id
     cdef uint32_t sequence
     cdef uint64_t[2] entry
-    cdef object piece, key, time, payload, count, own
+    cdef object piece, key, time, payload, count, index_bytes
     for piece in pieces:
         if isinstance(piece, bytes):
             n = len(<bytes> piece)
@@ -35,7 +31,7 @@ def write_records(list pieces, dict counts, dict entries, bytearray out):
             memcpy(start + offset, PyBytes_AsString(piece), n)
             offset += n
             continue
-        key, time, payload = <tuple> piece
+        key, time, payload = <tuple?> piece
         n = len(<bytes?> payload)
         if PREFIX_BYTES + HEADER_BYTES + n > end - offset:
             raise ValueError("the records need more room")
@@ -46,17 +42,17 @@ def write_records(list pieces, dict counts, dict entries, bytearray out):
         length = HEADER_BYTES + n
         at = start + offset
         at[0] = OPCODE_MESSAGE
-        put(at + 1, &length, 8)
-        put(at + 9, &channel_id, 2)
-        put(at + 11, &sequence, 4)
-        put(at + 15, &log_time_ns, 8)
-        put(at + 23, &log_time_ns, 8)
+        memcpy(at + 1, &length, 8)
+        memcpy(at + 9, &channel_id, 2)
+        memcpy(at + 11, &sequence, 4)
+        memcpy(at + 15, &log_time_ns, 8)
+        memcpy(at + 23, &log_time_ns, 8)
         memcpy(at + PREFIX_BYTES + HEADER_BYTES, PyBytes_AsString(payload), n)
-        own = entries.get(key)
-        if own is None:
-            own = entries[key] = bytearray()
+        index_bytes = entries.get(key)
+        if index_bytes is None:
+            index_bytes = entries[key] = bytearray()
         entry[0], entry[1] = log_time_ns, <uint64_t> offset
-        own += PyBytes_FromStringAndSize(<char*> entry, INDEX_ENTRY_BYTES)
+        index_bytes += PyBytes_FromStringAndSize(<char*> entry, INDEX_ENTRY_BYTES)
         first_ns, last_ns = min(first_ns, log_time_ns), max(last_ns, log_time_ns)
         offset += PREFIX_BYTES + HEADER_BYTES + n
     if offset != end:

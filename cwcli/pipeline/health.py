@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
+from contextlib import nullcontext
 
 import numpy as np
 
 from cwcli.errors import DataError, InputError
 from cwcli.lazy_dataclass import dataclass
+from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.read.reader import Log
 from cwcli.signals.clocks import MAX_STAMP_NS, find_stamp_gaps
 from cwcli.signals.columns import Columns, Int64Array, median_of_values
@@ -22,8 +23,6 @@ MIN_MESSAGES_FOR_CLOCK_DRIFT, MIN_DURATION_FOR_CLOCK_DRIFT_S = 30, 5.0
 """Fewest messages and shortest time [s] from which a clock drift is estimated; chosen by hand."""
 MIN_DELAY_CHANGE_OF_DRIFT_SIGMAS = 5.0
 """Least change of the delay, relative to its scatter, that counts as a drift. Chosen by hand."""
-MAX_MESSAGES_PER_PASS, MAX_TOPICS_PER_PASS = 1 << 20, 64
-"""Most messages and topics that are read in one pass over the log: their times are held in memory. Chosen by hand."""
 S_PER_MIN = 60.0
 """Number of seconds in a minute."""
 
@@ -58,62 +57,25 @@ class TopicHealth:
 
 
 def measure_topic_health(log: Log, topics: Sequence[str]) -> list[TopicHealth]:
-    """Read the stamps and log times of topics, several in one pass, and measure how each was recorded.
+    """Read the stamps and log times of topics, and measure how each was recorded.
 
     Raises:
         InputError: The file is damaged, and `recover` is off.
     """
-    n_by_topic = Counter[str]()
-    for each in log.channels:
-        n_by_topic[each.topic] += MAX_MESSAGES_PER_PASS if each.message_count is None else each.message_count
-    found: dict[str, TopicHealth] = {}
-    for topic in topics:
-        try:
-            log.check_topic_schema(topic, STAMP_FIELD_NAMES)
-        except (InputError, DataError):
-            found[topic] = _health_of_unreadable_topic(log, topic)
-    for group in _split_topics_by_messages([topic for topic in topics if topic not in found], n_by_topic):
-        found |= _measure_topics_in_one_pass(log, group)
-    return [found[topic] for topic in topics]
+    with log.keep_chunks_unpacked() if len(topics) > 1 else nullcontext():
+        return [_measure_health_of_topic(log, topic) for topic in topics]
 
 
-def _split_topics_by_messages(topics: Sequence[str], n_by_topic: Mapping[str, int]) -> Iterator[Sequence[str]]:
-    """Yield groups of topics that are read in one pass."""
-    group: list[str] = []
-    n_messages = 0
-    for topic in topics:
-        n_messages += n_by_topic[topic]
-        if group and (n_messages > MAX_MESSAGES_PER_PASS or len(group) == MAX_TOPICS_PER_PASS):
-            yield group
-            group, n_messages = [], n_by_topic[topic]
-        group.append(topic)
-    if group:
-        yield group
-
-
-def _measure_topics_in_one_pass(log: Log, topics: Sequence[str]) -> dict[str, TopicHealth]:
-    """Measure how each topic was recorded; with `recover`, topics that fail together are halved and read again."""
+def _measure_health_of_topic(log: Log, topic: str) -> TopicHealth:
     try:
-        loaded = log.load_topics(dict.fromkeys(topics, STAMP_FIELD_NAMES))
-    except InputError:
-        if not log.recover:
+        columns = log.columns(topic, STAMP_FIELD_NAMES)
+    except (InputError, DataError) as error:
+        is_of_topic = isinstance(error, DataError) or isinstance(error.__cause__, SchemaError)
+        if not (is_of_topic or log.recover):
             raise
-        if len(topics) == 1:
-            return {topics[0]: _health_of_unreadable_topic(log, topics[0])}
-        middle = len(topics) // 2
-        return _measure_topics_in_one_pass(log, topics[:middle]) | _measure_topics_in_one_pass(log, topics[middle:])
-    was_damaged = bool(log.faults.chunks_lost or log.faults.bytes_lost or log.faults.truncated)
-    return {
-        topic: _health_of_unreadable_topic(log, topic)
-        if was_damaged and not len(columns) + columns.n_undecodable
-        else topic_health_from_columns(columns, log.start_ns, log.end_ns)
-        for topic, columns in loaded.items()
-    }
-
-
-def _health_of_unreadable_topic(log: Log, topic: str) -> TopicHealth:
-    n = sum(each.message_count or 0 for each in log.channels if each.topic == topic)
-    return TopicHealth(topic, n, -1, 0, *[np.nan] * 6)
+        n = sum(each.message_count or 0 for each in log.channels if each.topic == topic)
+        return TopicHealth(topic, n, -1, 0, *[np.nan] * 6)
+    return topic_health_from_columns(columns, log.start_ns, log.end_ns)
 
 
 def topic_health_from_columns(columns: Columns, start_ns: int, end_ns: int) -> TopicHealth:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import zstandard
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import StoragePlugin
 
@@ -658,11 +659,24 @@ def times_of(*rows: str) -> str:
 
 
 def topics_sharing_a_chunk(folder: Path) -> list[str]:
-    """The doctor meets 3,000 topics whose messages lie in one chunk of 200 MB."""
-    ids = range(1, 3001)
+    """The doctor meets 1,000 topics whose messages lie in one chunk of 200 MB."""
+    ids = range(1, 1001)
     channels = (mcap_channel(each, 0, f"/{each}", "json") for each in ids)
-    messages = b"".join(mcap_message(each, T0_NS, b'{"a":"' + b" " * 66_000 + b'"}') for each in ids)
+    messages = b"".join(mcap_message(each, T0_NS, b'{"a":"' + b" " * 200_000 + b'"}') for each in ids)
     return logged(*channels, mcap_chunk(messages), command="info", options=["--doctor"])(folder)
+
+
+def topics_of_a_large_schema(folder: Path) -> list[str]:
+    """The doctor meets 128 topics of one protobuf schema of 20,000 types."""
+    schemas = FileDescriptorSet()
+    file = schemas.file.add(name="a.proto", syntax="proto3")
+    for name in ("A", *(f"M{k}" for k in range(20_000))):
+        file.message_type.add(name=name).field.add(name="x", number=1, type="TYPE_DOUBLE", label="LABEL_OPTIONAL")
+    ids = range(1, 129)
+    channels = (mcap_channel(each, 1, f"/{each}", "protobuf") for each in ids)
+    messages = b"".join(mcap_message(each, T0_NS, b"") for each in ids)
+    schema = mcap_schema(1, "A", "protobuf", schemas.SerializeToString())
+    return logged(schema, *channels, mcap_chunk(messages), command="info", options=["--doctor"])(folder)
 
 
 ATTACKS: dict[str, Make] = {
@@ -717,7 +731,8 @@ ATTACKS: dict[str, Make] = {
     "mcap, 20,000 transforms in a circle": sent(
         "/tf", "foxglove.FrameTransform", transforms(20_000, in_circle=True), "info", "--doctor"
     ),
-    "mcap, 3,000 topics share a chunk of 200 MB": topics_sharing_a_chunk,
+    "mcap, 1,000 topics share a chunk of 200 MB": topics_sharing_a_chunk,
+    "mcap, 128 topics of a schema of 20,000 types": topics_of_a_large_schema,
     "mcap, 30,000 stations of one message": sent("/bsm", "BasicSafetyMessage", stations(30_000), "estimate"),
     "mcap, a PNG of 60,000 by 60,000": sent(
         "/camera", "foxglove.CompressedImage", picture(png(60_000, 60_000, 1000), "png"), "lanes"

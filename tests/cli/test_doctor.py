@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ from mcap_ros2.writer import Writer
 from cwcli.channels.binding import bind_roles
 from cwcli.channels.reasons import suggest_map_options, unbound_reasons_by_topic
 from cwcli.errors import InputError
+from cwcli.input import InputFile
 from cwcli.logs.format.chunks import ChunkError, decompress_chunk
+from cwcli.logs.format.records import ChunkIndex
 from cwcli.logs.read import message_reader
 from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.reader import Log
@@ -189,38 +192,57 @@ def test_damage_is_no_unknown_encoding(log: Path) -> None:
 
 
 @pytest.mark.parametrize("is_damaged", [False, True])
-def test_a_chunk_that_many_topics_share_is_unpacked_once_for_64_of_them(
+def test_chunks_that_many_topics_share_are_unpacked_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_damaged: bool
 ) -> None:
-    path = tmp_path / "shared.mcap"
+    path = shared_log(tmp_path / "shared.mcap", n_topics=200)
+    n_unpacked = count_unpacked_chunks(monkeypatch, is_damaged=is_damaged)
+    with Log.open(str(path), recover=is_damaged) as log:
+        found = measure_topic_health(log, [f"/{k}" for k in range(200)])
+        n_chunks = log.n_chunks
+    assert n_unpacked.total() == n_chunks > 1
+    assert [each.topic for each in found] == [f"/{k}" for k in range(200)]
+    assert {(each.messages, each.undecodable) for each in found} == {(10, -1 if is_damaged else 0)}
+
+
+def test_chunks_beyond_the_bound_are_unpacked_for_each_topic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = shared_log(tmp_path / "shared.mcap", n_topics=200)
+    with Log.open(str(path)) as log:
+        sizes = [each.uncompressed_size for each in log.index.items_of_type(ChunkIndex)]
+        monkeypatch.setattr(message_reader, "MAX_KEPT_CHUNK_BYTES", max(sizes) + sizes[0])  # one, and room for another
+        n_unpacked = count_unpacked_chunks(monkeypatch, is_damaged=False)
+        found = measure_topic_health(log, ["/0", "/1", "/2"])
+        assert sorted(n_unpacked.values()) == [1, *[3] * (len(sizes) - 1)]
+        log.columns("/3")
+        assert min(n_unpacked.values()) == 2  # nothing is kept beyond the doctor
+    assert {each.messages for each in found} == {10}
+
+
+def shared_log(path: Path, n_topics: int) -> Path:
+    """A log of several chunks, each with messages of all topics."""
     with path.open("wb") as stream:
-        writer = JsonWriter(stream)
+        writer = JsonWriter(stream, chunk_size=100_000)
         writer.start()
-        unknown = writer.register_schema("Secret", "nosuch", b"")
-        ids = [
-            writer.register_channel(f"/{k}", "nosuch" if k % 2 else "json", unknown if k % 2 else 0) for k in range(200)
-        ]
+        ids = [writer.register_channel(f"/{k}", "json", 0) for k in range(n_topics)]
         for second in range(10):
             for channel_id in ids:
-                writer.add_message(channel_id, T0_NS + second * 10**9, b"{}", T0_NS)
+                writer.add_message(channel_id, T0_NS + second * 10**9, b'{"a":"' + b"x" * 150 + b'"}', T0_NS)
         writer.finish()
-    n_unpacked = 0
+    return path
 
-    def unpack(*arguments: Any, **options: Any) -> memoryview:
-        nonlocal n_unpacked
-        n_unpacked += 1
+
+def count_unpacked_chunks(monkeypatch: pytest.MonkeyPatch, *, is_damaged: bool) -> Counter[int]:
+    """Place of a chunk -> how often it is unpacked from now on."""
+    n_unpacked = Counter[int]()
+
+    def unpack(file: InputFile, chunk: ChunkIndex, **options: Any) -> memoryview:
+        n_unpacked[chunk.chunk_start] += 1
         if is_damaged:
             raise ChunkError("its CRC is wrong")
-        return decompress_chunk(*arguments, **options)
+        return decompress_chunk(file, chunk, **options)
 
     monkeypatch.setattr(message_reader, "decompress_chunk", unpack)
-    with Log.open(str(path), recover=is_damaged) as log:
-        found = {each.topic: each for each in measure_topic_health(log, [f"/{k}" for k in range(200)])}
-    assert list(found) == [f"/{k}" for k in range(200)]
-    assert n_unpacked == (1 if is_damaged else 2)  # 100 topics that can be read
-    assert {found[f"/{k}"].undecodable for k in range(1, 200, 2)} == {-1}
-    readable = [found[f"/{k}"] for k in range(0, 200, 2)]
-    assert {(each.messages, each.undecodable) for each in readable} == {(10, -1 if is_damaged else 0)}
+    return n_unpacked
 
 
 @pytest.mark.parametrize(

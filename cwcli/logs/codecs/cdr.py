@@ -22,7 +22,7 @@ from cwcli.logs.codecs.column_buffers import (
     select_ragged_rows,
 )
 from cwcli.logs.codecs.compressed_messages import iter_decompressed_parts
-from cwcli.logs.codecs.decoder import DecodeOutcome
+from cwcli.logs.codecs.decoder import MAX_CACHED_SCHEMA_BYTES, DecodeOutcome
 from cwcli.logs.codecs.ros2msg import parse_message_definitions
 from cwcli.signals.columns import BoolArray, Field, Int64Array, NumericArray, Ragged
 
@@ -31,9 +31,6 @@ DECODE_FAILURE_REASON_BY_KERNEL_STATUS = {
     kernel.STATUS_FOREIGN: "its encapsulation is not plain CDR",
 }
 """Status of the kernel for a message that it could not decode -> reason shown to users."""
-MAX_CACHED_SCHEMA_BYTES = 1 << 16
-"""Size in bytes of the largest schema that is one of many whose compiled programs are cached; of larger ones the last
-is. Chosen by hand."""
 MAX_PREALLOCATED_BYTES = 1 << 28
 """Memory in bytes that is allocated before a message is seen: a schema can ask for rows of any size. Chosen by hand."""
 

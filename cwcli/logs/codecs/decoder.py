@@ -10,6 +10,10 @@ from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.codecs.column_buffers import Payloads
 from cwcli.signals.columns import BoolArray, Field, Int64Array
 
+MAX_CACHED_SCHEMA_BYTES = 1 << 16
+"""Size in bytes of the largest schema that is one of many which are kept compiled; of larger ones the last is kept.
+Chosen by hand."""
+
 
 @dataclass(frozen=True)
 class DecodeOutcome:

@@ -6,7 +6,9 @@ damage). Both fill the same columns.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Collection, Iterator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -25,7 +27,7 @@ from cwcli.logs.codecs.column_buffers import (
     row_zero_addresses,
     select_ragged_rows,
 )
-from cwcli.logs.codecs.decoder import DecodeOutcome
+from cwcli.logs.codecs.decoder import MAX_CACHED_SCHEMA_BYTES, DecodeOutcome
 from cwcli.logs.codecs.protobuf_tables import (
     LeafColumn,
     ProtobufMessageDescriptor,
@@ -228,6 +230,13 @@ def find_message_descriptor(schema_name: str, schema_data: bytes) -> ProtobufMes
     Raises:
         SchemaError: The schema can't be understood.
     """
+    if len(schema_data) <= MAX_CACHED_SCHEMA_BYTES:
+        return _find_descriptor(schema_name, schema_data)
+    return _find_descriptor_in_large_schema(schema_name, schema_data)
+
+
+@lru_cache(maxsize=32)
+def _find_descriptor(schema_name: str, schema_data: bytes) -> ProtobufMessageDescriptor:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
     from google.protobuf.descriptor_pool import DescriptorPool
 
@@ -251,6 +260,13 @@ def find_message_descriptor(schema_name: str, schema_data: bytes) -> ProtobufMes
     except (TypeError, KeyError, ValueError, RecursionError) as error:
         reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else "it is incomplete"
         raise SchemaError(f"the schema can't be used: {reason}") from error
+
+
+@lru_cache(maxsize=1)
+def _find_descriptor_in_large_schema(schema_name: str, schema_data: bytes) -> ProtobufMessageDescriptor:
+    """As `_find_descriptor`; one pool is kept, because the channels of a schema follow each other."""
+    gc.collect()  # a pool holds forty times the bytes of its schema, and only the cyclic collector frees it
+    return _find_descriptor.__wrapped__(schema_name, schema_data)
 
 
 def make_message_class(descriptor: ProtobufMessageDescriptor) -> Any:

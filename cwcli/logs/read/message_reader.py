@@ -49,6 +49,9 @@ MAX_DECOMPRESSING_BYTES = 64 << 20
 """Total size in bytes of the chunks that are decompressed at the same time. Chosen by hand."""
 UNCHUNKED_READ_BYTES = 1 << 20
 """Bytes outside chunks that are read at a time; a longer record is read alone. Chosen by hand."""
+MAX_KEPT_CHUNK_BYTES = 256_000_000
+"""Memory in bytes that chunks which stay unpacked may take, with the largest one that does not. Chosen by hand: as much
+as one chunk may take."""
 MIN_BYTES_FOR_THREADS = 4 << 20
 """Total size in bytes of chunks from which threads pay. Chosen by hand."""
 
@@ -104,6 +107,8 @@ class MessageReader:
         self._recover = recover
         self._counted: set[int] = set()
         self._lost: set[int] = set()
+        self._unpacked: dict[int, memoryview] = {}
+        self._n_bytes_to_keep_unpacked = 0
         self._verified: set[int] = set()
         self.trusts_indexes = index.has_message_counts
         self._checked: set[int] = set()
@@ -133,6 +138,17 @@ class MessageReader:
             if payload is not None:
                 yield from self.iter_chunk_batches(chunk, payload, channel_ids)
         yield from self.iter_unchunked_batches(channel_ids, loose)
+
+    def keep_chunks_unpacked(self) -> None:
+        """Keep the chunks that are read from now on unpacked, up to `MAX_KEPT_CHUNK_BYTES`."""
+        sizes = [each.uncompressed_size for each in self._chunks]
+        largest_not_kept = max(sizes) if sum(sizes) > MAX_KEPT_CHUNK_BYTES else 0
+        self._n_bytes_to_keep_unpacked = MAX_KEPT_CHUNK_BYTES - largest_not_kept
+
+    def drop_unpacked_chunks(self) -> None:
+        """Free the chunks that were kept, and keep no more."""
+        self._n_bytes_to_keep_unpacked = 0
+        self._unpacked.clear()
 
     def distrust_indexes_if_not_yet(self) -> bool:
         """Open every chunk from now on, whatever its index lists; return whether that is new."""
@@ -387,6 +403,8 @@ class MessageReader:
         """Return the records of a chunk, with the log's channel ids; one that was found lost is not read again."""
         if chunk.chunk_start in self._lost:
             raise ChunkError("it was found damaged before")
+        if chunk.chunk_start in self._unpacked:
+            return self._unpacked[chunk.chunk_start]
         if chunk.chunk_start in self._index.cut_chunks:
             self._count_fault_once(chunk.chunk_start, "chunks_partial")
             return self._index.records_with_log_ids(
@@ -395,7 +413,11 @@ class MessageReader:
         verify = chunk.chunk_start not in self._verified  # the stages of a run read it several times
         payload = decompress_chunk(self._file, chunk, verify=verify)
         self._verified.add(chunk.chunk_start)
-        return self._index.records_with_log_ids(chunk.chunk_start, payload)
+        records = self._index.records_with_log_ids(chunk.chunk_start, payload)
+        if len(records) <= self._n_bytes_to_keep_unpacked:
+            self._n_bytes_to_keep_unpacked -= len(records)
+            self._unpacked[chunk.chunk_start] = records
+        return records
 
     def _report_lost_chunk(self, chunk: ChunkIndex, error: ChunkError) -> None:
         """Count a lost chunk once.

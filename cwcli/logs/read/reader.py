@@ -19,6 +19,7 @@ would reveal an index that leaves a channel out; else every chunk is opened.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self
 
@@ -153,6 +154,9 @@ class Log:
         in_memory = self._infos_of_added_channels()
         hidden = {channel.topic for channel in in_memory}
         self._in_file = channel_infos_from_index(index)
+        self._in_file_by_topic: dict[str, list[ChannelInfo]] = {}
+        for each in self._in_file:
+            self._in_file_by_topic.setdefault(each.topic, []).append(each)
         self.channels: tuple[ChannelInfo, ...] = (
             *(channel for channel in self._in_file if channel.topic not in hidden),
             *in_memory,
@@ -276,20 +280,6 @@ class Log:
         """Load one topic as columns; see `load`."""
         return self.load_topics({topic: fields})[topic]
 
-    def check_topic_schema(self, topic: str, fields: Collection[str] | None = None) -> None:
-        """Check that a topic of the file has one schema, which can be decoded; no message is read.
-
-        Raises:
-            MissingSignalError: There is no such topic.
-            InputError: Its encoding or schema is unknown.
-            DataError: It has several schemas.
-        """
-        from cwcli.logs.read.columns import check_single_schema, make_channel_decoder
-
-        channels = self._file_channels_of_topic(topic)
-        check_single_schema(channels, self.name)
-        make_channel_decoder(channels[0], fields, self.name)
-
     def frames(self, topic: str, spans_ns: Sequence[tuple[int, int]] | None = None) -> Iterator[Frame]:
         """Yield the camera frames of a topic in log-time order.
 
@@ -360,6 +350,16 @@ class Log:
         for channel in self._file_channels_of_topic(topic):
             yield from iter_transforms(self._get_message_reader(), channel)
 
+    @contextmanager
+    def keep_chunks_unpacked(self) -> Iterator[None]:
+        """Keep chunks unpacked inside the block, as far as memory allows: for callers that read topic by topic."""
+        reader = self._get_message_reader()
+        reader.keep_chunks_unpacked()
+        try:
+            yield
+        finally:
+            reader.drop_unpacked_chunks()
+
     def begin_sha256(self) -> Future[str]:
         """Return the hash of the file in hexadecimal; it is computed once, in a thread."""
         return self.file.begin_sha256()
@@ -428,7 +428,7 @@ class Log:
         Raises:
             MissingSignalError: There is none.
         """
-        found = [channel for channel in self._in_file if channel.topic == topic]
+        found = self._in_file_by_topic.get(topic)
         if not found:
             names = sorted({channel.topic for channel in self.channels})
             raise MissingSignalError(f"there is no channel {topic}", where=self.name, found=tuple(names))

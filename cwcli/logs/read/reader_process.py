@@ -24,6 +24,9 @@ CONVERSION_FUNCTION = "cwcli.logs.read.reader_child:convert_file_of_request"
 """The function that the process runs."""
 MAX_PROCESS_MEMORY_BEYOND_START_AND_CHUNK_BYTES = 128_000_000
 """Memory of the process beyond its start and one chunk (`--max-chunk`). Chosen by hand: ordinary bags take 40 MB."""
+MAX_LOG_TO_FILE_SIZE_RATIO = 1.5
+"""Greatest size of the log as a multiple of the file's, where that is more than `--max-input`. Chosen by hand: a
+message takes 47 bytes more than its payload, and in a database less."""
 MAX_NOTES_ON_FILE = 100_000
 """The greatest number of notes on a file. Chosen by hand."""
 
@@ -50,7 +53,8 @@ def convert_in_process(
         UsageError: A package is not installed.
     """
     # a private copy of a database with its journals, and a log of what is in them
-    most_bytes = max(bounds.max_input_bytes, sum(map(len, (file, *(journals or ()))))) + BYTES_PER_MEGABYTE
+    n_bytes = sum(map(len, (file, *(journals or ()))))
+    most_bytes = int(max(bounds.max_input_bytes, MAX_LOG_TO_FILE_SIZE_RATIO * n_bytes)) + BYTES_PER_MEGABYTE
     limits = Limits(
         cpu_limit_for_file_size_s(file.n_stored_bytes),
         most_bytes,

@@ -206,6 +206,18 @@ def test_messages_that_unpack_to_too_much_are_refused(database: Path) -> None:
         Log.open(database, max_ratio=10, max_chunk_bytes=3_000_000)
 
 
+def test_short_messages_that_do_not_shrink_fit_beside_a_small_bound_of_input(database: Path) -> None:
+    """A record of the log takes more than a row of the table, and neither gets smaller by compression."""
+    octets = np.random.default_rng(1).bytes(100_000 * 200)
+    with closing(sqlite3.connect(database)) as connection, connection:
+        connection.execute("DROP INDEX timestamp_idx")
+        (topic_id,) = connection.execute("SELECT min(id) FROM topics").fetchone()
+        rows = ((topic_id, T0_NS + k, octets[200 * k : 200 * (k + 1)]) for k in range(100_000))
+        connection.executemany("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", rows)
+    with Log.open(database, max_pipe_bytes=1_000_000) as log:
+        assert log.n_messages == N_MESSAGES + 100_000
+
+
 def test_aliases_in_a_quality_of_service_cost_nothing(database: Path) -> None:
     """It is YAML that nobody needs: nothing of it is parsed."""
     bomb = "a: &a [x, x, x]\n" + "".join(f"b{k}: &{chr(98 + k)} [{f'*{chr(97 + k)}, ' * 9}]\n" for k in range(9))
