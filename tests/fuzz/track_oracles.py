@@ -119,6 +119,8 @@ def vbox(paths: list[Path], tables: Sequence[SourceTable]) -> Tables | None:
     """Split the lines below `[data]`; minutes become degrees, and a clock that goes back by half a day is the next."""
     lines = [each.strip(" \t\f\v") for each in _lines(paths[0])]
     names = tables[0].columns
+    if "[data]" not in lines:  # it stands behind a character at which Python ends lines, too, as at U+2028
+        return None
     date = next(
         (each for each in map(re.compile(r"File created on (\d\d?)/(\d\d?)/(\d{4})").search, lines[:5]) if each), None
     )
