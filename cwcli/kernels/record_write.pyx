@@ -16,7 +16,6 @@ cdef enum:
 def write_records(list pieces, dict counts, dict entries, bytearray out):
     cdef uint8_t* start = <uint8_t*> PyByteArray_AsString(out)
     cdef uint8_t* at
-    cdef const char* source
     cdef Py_ssize_t offset = 0, end = len(out), n
     cdef uint64_t length, log_time_ns, first_ns = <uint64_t> -1, last_ns = 0
     cdef uint16_t channel_id

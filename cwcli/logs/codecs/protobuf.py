@@ -237,6 +237,7 @@ def find_message_descriptor(schema_name: str, schema_data: bytes) -> ProtobufMes
 
 @lru_cache(maxsize=32)
 def _find_descriptor(schema_name: str, schema_data: bytes) -> ProtobufMessageDescriptor:
+    """Return the descriptor of a message type; the pools of the last small schemas are kept."""
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
     from google.protobuf.descriptor_pool import DescriptorPool
 
@@ -264,7 +265,7 @@ def _find_descriptor(schema_name: str, schema_data: bytes) -> ProtobufMessageDes
 
 @lru_cache(maxsize=1)
 def _find_descriptor_in_large_schema(schema_name: str, schema_data: bytes) -> ProtobufMessageDescriptor:
-    """As `_find_descriptor`; one pool is kept, because the channels of a schema follow each other."""
+    """Return the same for a large schema: one pool is kept, because the channels of a schema follow each other."""
     gc.collect()  # a pool holds forty times the bytes of its schema, and only the cyclic collector frees it
     return _find_descriptor.__wrapped__(schema_name, schema_data)
 
